@@ -1,29 +1,30 @@
-"""Contact of fingers with objects, in the order of the data.
+"""Contact of fingers with objects; the modules in the order of the data.
 
-Both ways begin with surfaces: `surfaces` after an object's scale, `deforming_surfaces` from sample to sample.
+Surfaces of objects: `surfaces` (after an object's scale), `deforming_surfaces` (one for each sample).
 
-The pads' centres, for devices that need no more:
-    search_radius    how near a surface must be to be measured
-    stretch_rates    how fast a changing scale carries a surface along
-    pad_sampler      chunks of poses -> gaps of all pads and bodies
-    pair_record      one pad and one body meanwhile
-    pad_contact      which fingers touch which bodies, with gaps and points, over the range
-    encounter        one pad on one body at a device's rate: onsets, velocities
-    holding_times    when a finger holds a body
+Contact of the pads' centres, for devices that need no more:
+    search_radius    distance within which gaps are measured
+    stretch_rates    velocity of surfaces whose scale changes
+    pad_sampler      chunks of poses -> gaps between all pads and bodies
+    pair_record      gaps of one pad and one body during a sweep
+    pad_contact      gaps and closest points of all pairs over the whole range
+    encounter        contact of one pad with one body at a device's rate: onsets, velocities
+    holding_times    times at which a finger holds a body
 
-The whole skin:
+Contact of the whole skin:
     posed_body       one body at a sample
-    posed_scene      fingers and bodies at a sample, for all steppers
+    posed_scene      fingers and bodies at a sample
     sample_window    consecutive samples after the broad phase
-    compliant_bone   the path solver behind a touch depth
-    skin_stepper     one finger, one sample further; used by bake and preview
-    held_body        one body while fingers hold it: when, how heavy, how accelerated
-    held_bodies      all of them, balanced with the fingers' contacts
+    proximity        lower bounds of gaps, by which distant bodies are skipped
+    compliant_bone   path solver with a compliant bone
+    skin_stepper     one finger, one sample after the other; for bakes and previews
+    held_body        one body while fingers hold it: times, mass, acceleration
+    held_bodies      all held bodies, balanced with the fingers' contacts
     skin_sampler     chunks of poses -> forces on the skins
-    skin_record      one finger meanwhile
-    skin_contact     the touch on a skin, at a sample and over the range
-    packed_forces    its forces in a tenth of the memory, for bakes that are kept
-    resultants       total forces of a contact, as series and CSV
+    skin_record      forces on one finger during a sweep
+    skin_contact     touch on a skin, at a sample and over the whole range
+    packed_forces    compressed forces, for bakes that are kept
+    resultants       total forces of a contact, as series and as CSV
 
-`solver/` knows no scene: a compliance and gaps -> forces, along a path or around a grip.
+`solver/` does not depend on scenes: it computes forces from compliance and gaps, along a path or for a grip.
 """

@@ -1,4 +1,4 @@
-"""Checks of a chunk of samples: scales that can be measured, animated parameters within their range."""
+"""Checks of a chunk of samples: scales of poses, and ranges of animated parameters."""
 
 from __future__ import annotations
 
@@ -20,17 +20,22 @@ from ..scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Screen, Tactil
 if TYPE_CHECKING:
     from .pad_contact import PadContact
 
-LARGEST_SCALE = 1e9  # a millimetre becomes a thousand kilometres
+LARGEST_SCALE = 1e9  # largest component of a linear map
 
 
 def check_scales(kind: str, names: Sequence[str], poses: Array, frames: Array) -> None:
-    """Refuse poses that stretch beyond all measure, and fingers of scale 0: objects of scale 0 are not there.
+    """Raise an error for poses above `LARGEST_SCALE`, and for fingers of scale 0.
+
+    Objects of scale 0 are valid; they count as absent.
 
     Args:
-        kind: 'finger', 'object' or 'screen'. names: of each. poses: finite, shape (k, n, 4, 4). frames: shape (n,).
+        kind: 'finger', 'object' or 'screen'.
+        names: names of the items.
+        poses: poses of the items, finite, shape (k, n, 4, 4).
+        frames: scene frame of each sample, shape (n,).
 
     Raises:
-        DermisError: with the first frame.
+        DermisError: a scale is invalid. The error names the first frame.
     """
     linear = poses[:, :, :3, :3]
     for i in np.flatnonzero((np.abs(linear) > LARGEST_SCALE).any(axis=(1, 2, 3))).tolist():
@@ -48,12 +53,12 @@ def check_scales(kind: str, names: Sequence[str], poses: Array, frames: Array) -
 
 
 def check_animated(scene: TactileScene, chunk: Chunk) -> None:
-    """Refuse animated parameters of fingers, objects and screens that are out of range.
+    """Raise an error for animated parameters of fingers, objects and screens that are out of range.
 
-    Numbers that are not finite are mended by `Repairs`; devices are judged where they are rendered (`check_device`).
+    Values that are not finite are replaced by `Repairs`. Parameters of devices are checked by `check_device`.
 
     Raises:
-        DermisError: with the frame.
+        DermisError: a value is out of range. The error names the frame.
     """
     if not chunk.animated:
         return
@@ -68,14 +73,16 @@ def check_animated(scene: TactileScene, chunk: Chunk) -> None:
 
 
 def check_device(pad_contact: PadContact, finger: Finger, index: int, use: DeviceUse) -> None:
-    """Refuse animated parameters of a finger's device that are out of range.
+    """Raise an error for animated parameters of a finger's device that are out of range.
 
     Args:
         pad_contact: contact of the pads over the whole range.
+        finger: header of the finger.
         index: index of the finger in the scene.
+        use: the device on the finger.
 
     Raises:
-        DermisError: with the frame.
+        DermisError: a value is out of range. The error names the frame.
     """
     place = next(i for i, device in enumerate(finger.devices) if device is use)
     _check_series(pad_contact.animated, f"device/{index}/{place}", DEVICE, pad_contact.frames, use.preset)
@@ -86,7 +93,7 @@ def _check_series(animated: Mapping[str, Array], owner: str, table: Table, frame
     for row in table.values() if own else ():
         values = own.get(row.name)
         if values is None or not row.numeric or len(values) != len(frames):
-            continue  # `Repairs` refuses other lengths
+            continue  # `Repairs` raises an error for other lengths
         good = np.flatnonzero(np.isfinite(values))
         for k in good[[values[good].argmin(), values[good].argmax()]] if good.size else ():
             row.check(float(values[k]), f"{where}, frame {frames[k]:g}")

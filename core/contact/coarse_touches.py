@@ -1,6 +1,7 @@
-"""CoarseTouches: touches that are smaller, or bent more sharply, than the mesh whose nodes carry them.
+"""CoarseTouches: detection of contacts that a skin's mesh does not resolve.
 
-A touch is judged at the sample where it presses hardest: every touch begins on one node, and weighs nothing there.
+A contact is too small for the mesh, or the object is too sharply curved. Each touch is judged at the sample of largest
+force, because every touch begins with a negligible force on a single node.
 """
 
 from __future__ import annotations
@@ -16,16 +17,24 @@ from .solver.cone import OPEN
 from .solver.notes import Notes
 from .solver.solve import Solution
 
-# Nodes that must carry a touch: as many lie in a circle of two spacings. With fewer, where contact ends is not known
-# to half its radius, and force goes with the radius or a higher power of it.
+# Least number of nodes that must carry a touch, which is the number in a circle with a radius of two spacings. With
+# fewer nodes, the radius of the contact is uncertain by half, and the force grows with the radius or a higher power of
+# it.
 FEWEST_NODES = 12
-# How far the object's normal may turn from a node to the next [rad]: the object then is round to four spacings, and a
-# node is half of that off the slope between it and its neighbour. Edges turn by ten times as much, whatever the mesh.
+# Largest angle between the object's normals at two neighbouring nodes [rad]. The object's radius of curvature is then
+# four spacings. At edges the angle is ten times as large, whatever the mesh.
 SHARPEST_TURN = 0.25
 
 
 class _Peak(NamedTuple):
-    """The strongest sample of a touch so far: force [N], scene frame, nodes that carry, turn between them [rad]."""
+    """Sample of largest force of a touch so far.
+
+    Attributes:
+        force: normal force [N].
+        frame: scene frame.
+        nodes: number of nodes that carry force.
+        turn: largest angle between the normals of two neighbouring nodes [rad].
+    """
 
     force: float
     frame: float
@@ -37,7 +46,7 @@ NOTHING = _Peak(0.0, 0.0, 0, 0.0)
 
 
 class CoarseTouches:
-    """Watches one finger's contact at the nodes of its mesh, sample after sample.
+    """Monitor of one finger's contact at the nodes of its mesh, sample after sample.
 
     Args:
         mesh: mesh of the skin.
@@ -50,7 +59,7 @@ class CoarseTouches:
         self._peak = NOTHING
 
     def take(self, solution: Solution, frame: float) -> None:
-        """Take a sample: the forces on all pad nodes."""
+        """Take the solution of a sample, with the forces on all pad nodes."""
         force = float(solution.normal_force.sum())
         if not force > 0.0:
             self.end()
@@ -59,7 +68,7 @@ class CoarseTouches:
             self._peak = _Peak(force, frame, int(touching.sum()), self._turn(solution, touching))
 
     def end(self) -> None:
-        """Judge the touch that is over, if there was one."""
+        """Judge the touch that has ended, if there was one."""
         peak, self._peak = self._peak, NOTHING
         remedy = "Solve its contact on points of the smooth skin, or on a finer mesh"
         if 0 < peak.nodes < FEWEST_NODES:
@@ -73,7 +82,7 @@ class CoarseTouches:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """The findings so far; a touch that goes on counts as if it ended now."""
+        """The findings so far; a touch that continues is judged as if it ended now."""
         saved = self.save()
         self.end()
         found = self._notes.findings()
@@ -98,7 +107,7 @@ class CoarseTouches:
 
 
 def _pad_edges(mesh: TetraMesh) -> Indices:
-    """Return the edges between pad nodes, by their places in the pad, shape (n, 2)."""
+    """Return the edges between pad nodes, as pairs of positions in `mesh.pad`, shape (n, 2)."""
     place = np.full(len(mesh.nodes), -1)
     place[mesh.pad] = np.arange(len(mesh.pad))
     triangles = place[mesh.surface]

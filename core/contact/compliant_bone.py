@@ -1,8 +1,8 @@
-"""Touch depth: a bone that follows the animation exactly, or one that gives way as a finger's joint does.
+"""CompliantBone: contact of a finger whose bone follows its animation or gives way like a joint.
 
-Animated fingers sink too deep. The compliant bone rests on a spring along the pad's normal (the finger's Z) and lets
-go of whatever presses it beyond a force limit. The spring is a compliance that all nodes share, so it is solved with
-the skin and not after it; the limit is found by retracting the bone until the force meets it.
+Animated fingers often penetrate objects too deeply. A compliant bone has a spring along the pad's normal (the finger's
+Z), and is retracted if the force exceeds a limit. The spring is a compliance common to all nodes, so it is solved
+together with the skin. For the force limit, the bone is retracted until the force equals the limit.
 """
 
 from __future__ import annotations
@@ -27,17 +27,18 @@ from .solver.point_solver import PointSolver
 from .solver.sub_stepper import SubStepper
 from .trusted import WORDS, trusted
 
-LIMIT_TOLERANCE = 1e-3  # of the force limit
-MAX_TRIALS = 12
+LIMIT_TOLERANCE = 1e-3  # error of the force, relative to its limit
+MAX_TRIALS = 12  # largest number of retractions that are tried in a frame
 
 
 @dataclass(frozen=True, eq=False)
 class BoneStep:
-    """One frame behind a touch depth.
+    """One frame of contact with the bone's displacement.
 
     Attributes:
-        step: the contact. lift: how far the bone gave way, by its spring and its retraction [m].
-        depth: how deep the undeformed skin then is in an object [m].
+        step: contact of the skin.
+        lift: displacement of the bone by its spring and its retraction [m].
+        depth: penetration of the undeformed skin after this displacement [m].
     """
 
     step: PathStep
@@ -46,18 +47,18 @@ class BoneStep:
 
 
 class CompliantBone:
-    """The path solver of a finger, behind its touch depth.
+    """Contact solver of a finger with an animated or compliant bone.
 
     Args:
         solver: contact solver of the finger. Its compliance includes the spring.
         stiffness: stiffness of the spring [N/m]; 0 for a bone that follows the animation exactly.
-        force_limit: largest force on the bone along Z [N], inf without a limit.
-        name: for findings.
+        force_limit: largest force on the bone along Z [N]; inf for no limit.
+        name: name of the finger, for findings.
         tissue: tissue model of the finger, 'linear' or 'neo_hookean'.
         modulus: Young's modulus of the skin [Pa].
 
     Attributes:
-        sub_steps: walks the solver from frame to frame.
+        sub_steps: divides frames into sub-steps for the solver.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class CompliantBone:
         self.solver, self.stiffness, self.force_limit, self.name = solver, stiffness, force_limit, name
         self._tissue, self._range = WORDS[tissue], trusted(tissue)
         self.sub_steps = SubStepper(solver, float(np.linalg.norm(solver.bone)), modulus)
-        self._retraction = 0.0  # by the force limit, beyond the spring's displacement [m]
+        self._retraction = 0.0  # retraction by the force limit, without the spring's displacement [m]
         self._slope = 0.0
         self._before: Callable[[], Sequence[ContactBody] | None] = lambda: None
         self._notes = Notes(name)
@@ -80,16 +81,20 @@ class CompliantBone:
         tolerance: float | None = None,
         surface: SurfaceCompliance | None = None,
     ) -> CompliantBone:
-        """Build from a finger's parameters: depth_mode, bone_stiffness [N/m], force_limit [N].
+        """Build the solver from a finger's parameters.
 
         Args:
-            surface: the smooth pad of the same skin: contact is then solved on its points, not on the mesh's nodes.
+            skin: model of the finger's skin.
+            parameters: parameters of the finger: depth_mode, bone_stiffness [N/m], force_limit [N].
+            name: name of the finger, for findings.
+            tolerance: largest residual of the contact solver; None for its default.
+            surface: smooth pad of the same skin, on whose points contact is solved; None to solve at the mesh's nodes.
 
         Raises:
-            DermisError: an unknown mode, or a stiffness or limit that is out of range.
+            DermisError: the mode is unknown, or the stiffness or the limit is out of range.
         """
         stiffness, limit = touch_depth(parameters, name)
-        # the spring's displacement is known only after the solve: then `step` looks at the depth itself
+        # With a spring, the penetration is known only after the solve, and `_bone_step` checks it.
         depth_limit = trusted(skin.tissue).depth if stiffness == 0 else np.inf
         if surface is not None:
             if stiffness:
@@ -116,11 +121,11 @@ class CompliantBone:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Frames whose force could not be brought to the limit, and frames too deep although the bone gave way."""
+        """Frames in which the force limit was not reached, and those outside the range of the tissue model."""
         return self._notes.findings()
 
     def idle(self, count: int = 1) -> PathStep:
-        """Take frames in which nothing is near."""
+        """Take `count` frames in which nothing is near."""
         self._retraction = 0.0
         return self.sub_steps.idle(count)
 
@@ -147,7 +152,10 @@ class CompliantBone:
         """Solve the next frame.
 
         Args:
-            before: the same bodies in the frame before, for a finger that touches nothing there.
+            bodies: bodies in the finger's frame.
+            scene_frame: scene frame, for findings.
+            before: function that returns the same bodies in the frame before, or None. It is called if the finger
+                touched nothing there.
         """
         self._before = before
         if np.isfinite(self.force_limit):
@@ -157,7 +165,7 @@ class CompliantBone:
         return self._bone_step(step, retraction, scene_frame)
 
     def retraction(self, bodies: Sequence[ContactBody], scene_frame: float) -> float:
-        """Return how far the force limit would retract the bone in the next frame [m], without taking it."""
+        """Return the retraction by the force limit in the next frame [m]; the state is not changed."""
         if not np.isfinite(self.force_limit):
             return 0.0
         self._before = lambda: None
@@ -170,7 +178,16 @@ class CompliantBone:
     def adopt(
         self, force: Array, displacement: Array, gaps: NodeGaps, residual: float, retraction: float, scene_frame: float
     ) -> BoneStep:
-        """Take over a frame that was solved together with other fingers, the bone retracted by `retraction` [m]."""
+        """Take over a frame that was solved together with other fingers.
+
+        Args:
+            force: forces on the nodes [N], shape (m, 3).
+            displacement: relative displacement w of the nodes [m], shape (m, 3).
+            gaps: gaps of the nodes.
+            residual: residual of the contact laws.
+            retraction: retraction of the bone [m].
+            scene_frame: scene frame, for findings.
+        """
         step = self.solver.adopt(force, displacement, gaps, residual, scene_frame=scene_frame)
         self.sub_steps.adopted()
         return self._bone_step(step, retraction, scene_frame)
@@ -201,9 +218,9 @@ class CompliantBone:
         return BoneStep(step, retraction + spring, depth)
 
     def _limited(self, bodies: Sequence[ContactBody], scene_frame: float) -> tuple[PathStep, float]:
-        """Retract the bone until the force is at its limit, or the retraction is zero."""
+        """Solve a frame with the retraction at which the force equals its limit, or zero if it is below it."""
         before = self.sub_steps.save()
-        low, high = 0.0, np.inf  # retractions that press too much, and not enough
+        low, high = 0.0, np.inf  # bounds of the retraction: the force is too large at `low` and too small at `high`
         retraction, step = self._retraction, self._try(bodies, self._retraction, scene_frame)
         for _ in range(MAX_TRIALS):
             excess = self._force(step) - self.force_limit
@@ -231,12 +248,12 @@ class CompliantBone:
 
     def _try(self, bodies: Sequence[ContactBody], retraction: float, scene_frame: float) -> PathStep:
         if retraction > 0.0:
-            down = np.array([0.0, 0.0, -retraction])  # the finger goes up, so all else goes down in its frame
+            down = np.array([0.0, 0.0, -retraction])  # in the finger's frame, all bodies move down
             bodies = [replace(body, translation=body.translation + down) for body in bodies]
         return self.sub_steps.step(bodies, self._before, scene_frame=scene_frame)
 
     def _next(self, retraction: float, excess: float, low: float, high: float, step: PathStep) -> float:
-        """Return the next retraction: along the last slope, kept within the bracket, which is halved where it fails."""
+        """Return the next retraction: a secant step, or the middle of the bounds if that step exceeds them."""
         slope = self._slope
         if not slope > 0.0:
             depth = step.depth(self.solver.points, self.solver.bone)
@@ -254,10 +271,14 @@ class CompliantBone:
 
 
 def touch_depth(parameters: Mapping[str, Any], name: str) -> tuple[float, float]:
-    """Return the bone's spring [N/m], 0 for none, and its force limit [N], inf for none, of a finger's parameters.
+    """Return the stiffness of the bone's spring [N/m], 0 for none, and the force limit [N], inf for none.
+
+    Args:
+        parameters: parameters of the finger.
+        name: name of the finger, for errors.
 
     Raises:
-        DermisError: an unknown mode, or a stiffness or limit that is out of range.
+        DermisError: the mode is unknown, or the stiffness or the limit is out of range.
     """
     if SKIN_CONTACT["depth_mode"].of(parameters, name) != "compliant":
         return 0.0, np.inf

@@ -1,7 +1,8 @@
-"""DeformingSurfaces: the surfaces of objects that change their shape, chunk after chunk.
+"""DeformingSurfaces: surfaces of objects that change their shape, chunk after chunk.
 
-Each sample brings a surface of its own. One with vertices that are no numbers would silently be nowhere, so the last
-good one stands in for it; doubts about a surface depend on its triangles and are asked once for each set.
+Each sample has its own surface. A surface with vertices that are not finite would be ignored without notice, so the
+last valid one replaces it. Doubts about a surface depend only on its triangles, so they are determined once for each
+set of triangles.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ from .surfaces import box_of
 
 
 class DeformingSurfaces:
-    """Follows deforming surfaces over the chunks of a scene.
+    """Deforming surfaces of a scene, chunk after chunk.
 
     Args:
-        bodies: bodies of the scene's header.
-        repairs: records surfaces with vertices that are not finite.
+        bodies: headers of the scene's bodies.
+        repairs: record of replaced surfaces.
 
     Attributes:
-        noted: doubts, by body.
+        noted: doubts about the surfaces, by body.
     """
 
     def __init__(self, bodies: Sequence[Body], repairs: Repairs) -> None:
@@ -41,10 +42,13 @@ class DeformingSurfaces:
         self._previous: dict[int, tuple[float, Mesh]] = {}
 
     def take(self, chunk: Chunk) -> tuple[Chunk, dict[int, Array]]:
-        """Return the chunk with the last good surface in place of each bad one, and boxes by body, (n, 2, 3) each.
+        """Replace invalid surfaces of a chunk by the last valid ones.
+
+        Returns:
+            The chunk, and the bounding boxes of each deforming body by its index [m], shape (n, 2, 3).
 
         Raises:
-            DermisError: a deforming object without one surface per sample.
+            DermisError: a deforming object does not have one surface for each sample.
         """
         surfaces, boxes = {}, {}
         for b, meshes in chunk.surfaces.items():
@@ -55,7 +59,7 @@ class DeformingSurfaces:
                     value=len(meshes),
                     limit=str(len(chunk.times)),
                 )
-            box = np.array([box_of(mesh) for mesh in meshes])  # of vertices that are no numbers it is none either
+            box = np.array([box_of(mesh) for mesh in meshes])  # not finite if a vertex is not
             good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(box), axis=(1, 2))
             if not good.all():
                 self._repairs.note("not-finite surface", self._names[b], chunk.frames[~good].tolist())
@@ -67,7 +71,7 @@ class DeformingSurfaces:
         return replace(chunk, surfaces=surfaces), boxes
 
     def leave(self, chunk: Chunk) -> None:
-        """Remember how a chunk ends, for the velocity at the next one's first sample."""
+        """Store the last surfaces of a chunk, for the velocity at the first sample of the next one."""
         time = float(chunk.times[-1])
         for b, still in enumerate(self._still):
             last = chunk.surfaces[b][-1] if b in chunk.surfaces else still
@@ -75,7 +79,7 @@ class DeformingSurfaces:
                 self._previous[b] = (time, last)
 
     def look(self, b: int, mesh: Mesh, surface: Surface) -> None:
-        """Record doubts about a surface whose triangles are new; each kind is told once."""
+        """Record doubts about a surface if its triangles have changed; each kind is recorded once for a body."""
         if self._looked_at.get(b) is mesh.triangles:
             return
         self._looked_at[b] = mesh.triangles
@@ -87,10 +91,13 @@ class DeformingSurfaces:
     def velocity(self, b: int, chunk: Chunk, i: int, carry: Array) -> Array | None:
         """Return the velocity of a surface's vertices in carried space since the last sample [m/s], shape (V, 3).
 
-        None where there is no last sample, where it is the same surface, or where its points cannot be followed because
-        the faces are others; where faces are cut along other diagonals, they can.
+        None if there is no last sample, if the surface is the same, or if its faces have changed. Faces that are
+        divided into triangles along other diagonals count as the same.
 
         Args:
+            b: index of the body.
+            chunk: chunk with its surfaces.
+            i: index of the sample in the chunk.
             carry: linear map from the object's space into carried space, shape (3, 3).
         """
         now = chunk.surfaces[b][i]
@@ -113,7 +120,7 @@ class DeformingSurfaces:
         return (now.vertices - before.vertices) @ carry.T / (float(chunk.times[i]) - time)
 
     def _last_good(self, b: int, meshes: Sequence[Mesh], good: NDArray[np.bool_]) -> tuple[Mesh, ...]:
-        """Hold the last good surface; before the first of all, that one."""
+        """Replace invalid surfaces by the last valid one, or by the first valid one if there is none before."""
         last = self._good.get(b, meshes[int(np.argmax(good))] if good.any() else ABSENT)
         held = []
         for mesh, fine in zip(meshes, good.tolist(), strict=True):

@@ -1,10 +1,10 @@
-"""Encounter: one pad on one body, at the device's own rate.
+"""Encounter: contact of one pad with one body at a device's rate.
 
-Between the samples of the sweep the gap is a cubic Hermite curve whose slopes are the pad's velocity along the normal,
-relative to the body. For a plane, and for motion that is itself a cubic between samples, that is exact; so the instant
-of contact is found between two commands, not rounded to one.
+Between samples of the sweep, the gap is a cubic Hermite curve. Its slopes are the pad's velocity along the normal
+relative to the body. The curve is exact for a plane and motion that is cubic between samples. The instant of contact is
+computed from it and not rounded to the device's times.
 
-Positions and velocities are in the body's *carried* space: turned with the body, but metric.
+Positions and velocities are in the body's *carried* space, which turns with the body and has metric lengths.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ from .pad_contact import PadContact, PairContact
 
 Which = slice | NDArray[np.intp]
 
-# Iterations of the root finder; it stops when the gap is this near to the touch distance [m].
+# Largest number of iterations of the root finder, and the error of the gap at which it stops [m].
 ROOT_STEPS = 60
 ROOT_TOLERANCE = 1e-13
-# A pad whose samples all stay this far above the touch distance [m] is not followed between them.
+# A pair whose gap exceeds the touch distance by more than this at all samples is not evaluated between them [m].
 DIP = 0.01
 
 
 class Encounter:
-    """When a pad touches a body, where, and how it moves over it.
+    """Times of contact between a pad and a body, with contact points and velocities.
 
     Args:
         pad_contact: contact of the pads over the whole range.
         finger, body: indices of a pair that came within reach.
         times: the device's times [s], shape (m,).
-        distance: the pad touches at or below this gap [m], one number or shape (m,).
+        distance: touch distance: the pad touches at or below this gap [m], one number or shape (m,).
     """
 
     def __init__(self, pad_contact: PadContact, finger: int, body: int, times: Array, distance: float | Array) -> None:
@@ -46,7 +46,7 @@ class Encounter:
 
     @cached_property
     def gap(self) -> Array:
-        """Signed gap at the device's times [m], inf where unknown, shape (m,)."""
+        """Signed gap at the device's times [m], shape (m,); inf if it is not known."""
         return self._gap_at(self.times)
 
     @cached_property
@@ -56,7 +56,7 @@ class Encounter:
 
     @cached_property
     def which(self) -> Which:
-        """The touching samples: a slice where they are consecutive, which costs no copy, else their indices."""
+        """Indices of the touching samples, as a slice if they are consecutive, which avoids copies."""
         index = np.flatnonzero(self.touching)
         if index.size and index[-1] - index[0] + 1 == index.size:
             return slice(int(index[0]), int(index[-1]) + 1)
@@ -71,18 +71,18 @@ class Encounter:
 
     @cached_property
     def onsets(self) -> Array:
-        """Instants of making contact [s], shape (e,). A pad that touches from the first sample on makes none."""
+        """Instants at which contact begins [s], shape (e,); contact at the first sample has none."""
         began = np.flatnonzero(self.touching[1:] & ~self.touching[:-1]) + 1
         if began.size == 0:
             return np.zeros(0)
         known = np.isfinite(self.gap[began - 1])
-        instants = self.times[began].copy()  # a pad that came out of nowhere: the sample itself
+        instants = self.times[began].copy()  # without a known gap before, the time of the sample
         instants[known] = self._roots(began[known])
         return instants
 
     @cached_property
     def onset_velocities(self) -> Array:
-        """Velocity of the pad relative to the body at each onset, in world axes [m/s], shape (e, 3)."""
+        """Velocity of the pad relative to the body at each onset in world axes [m/s], shape (e, 3)."""
         if self.onsets.size == 0:
             return np.zeros((0, 3))
         finger = self._pad_contact.finger_motion(self.finger).at(self.onsets)
@@ -113,7 +113,7 @@ class Encounter:
     def point(self) -> Array:
         """Closest point of the body at the touching samples, in carried space [m], shape (k, 3).
 
-        The pad's own path is followed at the device's rate; only the short way from it to the surface is interpolated.
+        The pad's path is evaluated at the device's times. Only the vector from the pad to the surface is interpolated.
         """
         finger = self._pad_contact.finger_at(self.finger, self.times)
         body = self._pad_contact.body_at(self.body, self.times)
@@ -152,7 +152,7 @@ class Encounter:
         known = np.isfinite(start) & np.isfinite(end)
         if known.all():
             return self._hermite(index, since)
-        # Beside an unknown sample only the known one itself counts.
+        # Between a known and an unknown sample, the gap is known only at the former.
         out = np.where(since == 0.0, start, np.where(t == times[index + 1], end, np.inf))
         out[known] = self._hermite(index[known], since[known])
         return out
@@ -166,7 +166,7 @@ class Encounter:
         return start + u * (first + u * (3.0 * rise - 2.0 * first - last + u * (first + last - 2.0 * rise)))
 
     def _roots(self, began: NDArray[np.intp]) -> Array:
-        """When the gap falls to the touch distance before each sample, by the Illinois form of regula falsi."""
+        """Return the time before each sample at which the gap equals the touch distance, by the Illinois method."""
         distance = np.broadcast_to(self.distance, self.times.shape)[began]
         low, high = self.times[began - 1], self.times[began]
         f_low, f_high = np.maximum(self.gap[began - 1] - distance, 0.0), self.gap[began] - distance
@@ -178,14 +178,14 @@ class Encounter:
             if (np.abs(value) <= ROOT_TOLERANCE).all():
                 break
             left = value > 0.0
-            # The end that stays put counts half, so that both ends close in.
+            # The value at an end that does not move is halved, so that both ends converge.
             f_high = np.where(left, f_high * 0.5, value)
             f_low = np.where(left, value, f_low * 0.5)
             low, high = np.where(left, root, low), np.where(left, high, root)
         return root
 
     def _nearest(self, t: Array) -> NDArray[np.intp]:
-        """The sample nearest to each time at which the gap is known."""
+        """Return the index of the nearest sample with a known gap for each time, shape (e,)."""
         known = np.flatnonzero(np.isfinite(self._pair.gap))
         after = np.clip(np.searchsorted(self._pad_contact.times[known], t), 1, max(len(known) - 1, 1))
         if len(known) == 1:
@@ -200,7 +200,7 @@ class Encounter:
         if len(self._pad_contact.times) == 1:
             return index, np.zeros(len(index))
         u = since / (self._pad_contact.times[index + 1] - self._pad_contact.times[index])
-        # Where only one of the two samples is known, that one holds.
+        # If only one of the two samples is known, its value is used.
         known = np.isfinite(self._pair.gap)
         u = np.where(known[index + 1], np.where(known[index], u, 1.0), 0.0)
         return index, u
@@ -222,7 +222,7 @@ class Encounter:
 def encounter(
     pad_contact: PadContact, finger: int, body: int, times: Array, distance: float | Array
 ) -> Encounter | None:
-    """Return the encounter of a pair, computed once per set of times, or None if they never touch."""
+    """Return the encounter of a pair, kept for the same times; None if they never touch."""
     if (finger, body) not in pad_contact.pairs:
         return None
     made: Encounter = pad_contact.keep(
@@ -232,21 +232,21 @@ def encounter(
 
 
 def turned_back(samples: MotionSamples, which: Which, vectors: Array) -> Array:
-    """Return world vectors (k, 3) in the axes of a moving frame, at the samples chosen."""
+    """Turn vectors, shape (k, 3), from world axes to the axes of a moving frame at given samples."""
     if samples.turns:
         return turn_back(samples.rotation[which], vectors)
     return vectors @ samples.rotation[0]
 
 
 def turned(samples: MotionSamples, which: Which, vectors: Array) -> Array:
-    """Return vectors (k, 3) in a moving frame's axes in those of the world, at the samples chosen."""
+    """Turn vectors, shape (k, 3), from the axes of a moving frame at given samples to world axes."""
     if samples.turns:
         return turn(samples.rotation[which], vectors)
     return vectors @ samples.rotation[0].T
 
 
 def _relative_velocity(finger: MotionSamples, body: MotionSamples, which: Which = slice(None)) -> Array:
-    """Velocity of the pad relative to the body's matter where the pad is, in world axes [m/s]."""
+    """Return the velocity of the pad relative to the body's material at the pad, in world axes [m/s]."""
     relative = finger.velocity[which] - body.velocity[which]
     if not body.turns:
         return relative

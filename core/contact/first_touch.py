@@ -1,7 +1,8 @@
-"""First touch: the height at which a body that rises meets a finger's undeformed skin.
+"""First touch: height at which a rising body meets a finger's undeformed skin.
 
-The skin is cut into pieces. A gap changes by no more than the way between two points, so a piece's gap is known to half
-its size; the pieces that may hold the smallest gap are split until it is known well enough.
+The skin is divided into pieces. The gaps of two points differ by no more than their distance, so the gap at the centre
+of a piece bounds that of all its points. Pieces that may contain the smallest gap are divided until it is known
+accurately enough.
 """
 
 from __future__ import annotations
@@ -17,9 +18,11 @@ from ..skin.pad_chart import PadChart, quarters
 from ..surface.gap import Surface
 from .solver.bodies import BONE, ContactBody
 
-CLOSE = 1e-6  # to which the gap at first touch is found: 0.3 % of the force half a millimetre deep [m]
-STRETCH = 1.2  # skin of a piece is at most this much farther from its middle than the chart says in its middle [1]
-MOST_PIECES = 500  # that are split at once: where a body is almost parallel to skin, any of them is near enough
+CLOSE = 1e-6  # accuracy of the gap at first touch [m]; 0.3 % of the force at a penetration of half a millimetre
+STRETCH = 1.2  # largest ratio of a piece's true size to that by the metric at its centre
+# Largest number of pieces that are divided at once. If a body is almost parallel to the skin, any of them is near
+# enough.
+MOST_PIECES = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +30,10 @@ class _Squares:
     """Pieces of the smooth skin: squares of the chart.
 
     Attributes:
-        places, halves: middles and half the sides in the chart, shape (n, 2). sizes: how far skin of a piece may be
-            from its middle [m], shape (n,).
+        chart: chart of the pad.
+        places: centres in the chart, shape (n, 2).
+        halves: half the sides in the chart, shape (n, 2).
+        sizes: largest distance of a point of each piece from its centre [m], shape (n,).
     """
 
     chart: PadChart
@@ -38,7 +43,7 @@ class _Squares:
 
     @classmethod
     def of(cls, chart: PadChart) -> _Squares:
-        """Return the coarsest cells."""
+        """Return the coarsest cells of a chart."""
         cells = chart.cells.take(chart.base)
         a, b = cells.sides[:, 0], cells.sides[:, 1]
         diagonals = np.maximum(np.linalg.norm(a + b, axis=1), np.linalg.norm(a - b, axis=1))
@@ -57,7 +62,7 @@ class _Squares:
 
 @dataclass(frozen=True, eq=False)
 class _Triangles:
-    """Pieces of a mesh's pad: triangles by their corners [m], shape (n, 3, 3)."""
+    """Pieces of a mesh's pad: triangles, by their corners [m], shape (n, 3, 3)."""
 
     corners: Array
 
@@ -68,7 +73,7 @@ class _Triangles:
 
     @property
     def sizes(self) -> Array:
-        """How far skin of a piece may be from its middle [m], shape (n,)."""
+        """Largest distance of a point of each piece from its centre [m], shape (n,)."""
         return np.linalg.norm(self.corners - self.middles[:, None], axis=2).max(axis=1)
 
     def split(self, some: Indices) -> _Triangles:
@@ -80,19 +85,24 @@ class _Triangles:
 
 
 def first_touch(skin: SkinModel, body: ContactBody) -> float:
-    """Return the height of a body at which it first meets the undeformed pad from below [m], to about `CLOSE`.
+    """Return the height at which a body first meets the undeformed pad from below [m].
 
-    It rises by no more than the smallest gap, which can never carry it past the skin.
+    The body rises in steps no longer than the smallest gap, so that it cannot pass through the skin. The result is
+    accurate to about `CLOSE`.
+
+    Args:
+        skin: model of the skin.
+        body: the body; its height does not matter.
 
     Raises:
-        DermisError: it does not meet the pad.
+        DermisError: the body does not meet the pad.
     """
     assert isinstance(body.surface, Surface)
     pieces = _pieces(skin)
     middles = pieces.middles
     heights = (body.surface.vertices @ body.rotation.T)[:, 2]
     bottom, top = float(heights.min()), float(heights.max())
-    # when all of it is above the pad, it has passed beside
+    # If the whole body is above the pad, it has passed beside it.
     height, highest = float(middles[:, 2].min()) - top - 2e-3, float(middles[:, 2].max()) - bottom
     start = replace(body, translation=np.array([*body.translation[:2], height]))
     side = 1 if body.surface.closed else body.surface.side_of(*start.local(BONE))
@@ -119,16 +129,18 @@ def _pieces(skin: SkinModel) -> _Squares | _Triangles:
 
 
 def _smallest(pieces: _Squares | _Triangles, body: ContactBody, side: int) -> tuple[float, float]:
-    """Return bounds of the smallest gap [m], below and above: to within a half, or `CLOSE`.
+    """Return a lower and an upper bound of the smallest gap [m]; they differ by at most half of it, or `CLOSE`.
 
     Args:
-        side: -1 where an open surface is touched from behind, else 1.
+        pieces: pieces of the skin.
+        body: the body at its present height.
+        side: -1 if an open surface is touched from behind, else 1.
     """
     assert isinstance(body.surface, Surface)
     while True:
         local = (pieces.middles - body.translation) @ body.rotation
         sizes, found = pieces.sizes, body.surface.query(local)
-        gaps = (found if side > 0 else found.flipped()).gap  # points beside a rim are outside of either side
+        gaps = (found if side > 0 else found.flipped()).gap  # a point beside a rim is outside on both sides
         most, least = float(gaps.min()), gaps - sizes
         some = np.flatnonzero(least <= most)
         if len(some) > MOST_PIECES:

@@ -1,4 +1,4 @@
-"""HeldBodies: objects that several fingers hold, balanced with all contacts together, sample after sample."""
+"""HeldBodies: objects held by several fingers, balanced with all their contacts, sample after sample."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ from .solver.grip_solver import GripStep, HoldContext, HoldingFinger
 
 
 class HeldBodies:
-    """The bodies of a scene that may be held.
+    """Bodies of a scene that may be held.
 
     Args:
-        pad_contact: contact of the pads over the whole range. It has the frames in which a body is held, and the body's
-            acceleration.
-        candidates: their indices.
-        posed: the scene, at the chunk of each window.
+        scene: the scene's header.
+        pad_contact: contact of the pads over the whole range. It determines the samples at which a body is held, and
+            the body's acceleration.
+        candidates: indices of the bodies.
+        posed: the posed scene, whose chunk must be that of the window.
         steppers: steppers of the fingers whose skin is simulated.
     """
 
@@ -43,14 +44,19 @@ class HeldBodies:
 
     @property
     def findings(self) -> dict[int, tuple[Finding, ...]]:
-        """Findings of bodies that slipped or are held by fingers that are not solved, by body."""
+        """Findings about the held bodies, by the index of the body."""
         return {body.index: body.findings for body in self._held}
 
     def step(self, window: SampleWindow, i: int, sample: int) -> dict[int, SkinStep]:
-        """Balance the held bodies at sample `i` of a window; return the steps of the fingers that hold something.
+        """Balance the held bodies at one sample.
 
         Args:
-            sample: the same, counted over the whole range.
+            window: samples after the broad phase.
+            i: index of the sample in the window.
+            sample: index of the sample in the whole range.
+
+        Returns:
+            Touches of the fingers that hold something, by the index of the finger.
         """
         steps: dict[int, SkinStep] = {}
         frame = float(window.chunk.frames[i])
@@ -73,7 +79,7 @@ class HeldBodies:
     def _balance(
         self, body: HeldBody, fingers: Sequence[int], window: SampleWindow, i: int, sample: int
     ) -> tuple[GripStep | None, list[float]]:
-        """Balance one body; also return how far the force limits retract the bones."""
+        """Balance one body; return the result, or None, and the retraction of each finger's bone [m]."""
         b, frame = body.index, float(window.chunk.frames[i])
         surface, turn, origin, _, _ = self._posed.at(b, i)
         contexts: dict[int, HoldContext] = {}
@@ -98,4 +104,4 @@ class HeldBodies:
 def _holding_finger(stepper: SkinStepper) -> HoldingFinger:
     solver, skin = stepper.bone.solver, stepper.skin
     fits = solver.operator.compliance, skin.positions, stepper.name, skin.areas, solver.bone
-    return HoldingFinger(*fits, solver.law)  # one and the same: it goes on from grip to touch
+    return HoldingFinger(*fits, solver.law)  # the same object, so that its state continues from grip to touch

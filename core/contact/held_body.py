@@ -1,7 +1,7 @@
-"""HeldBody: a body of a scene while fingers hold it: when, by whom, how heavy, and how it moves.
+"""HeldBody: a body while fingers hold it, with its mass, its motion and its balance of forces.
 
-When it is held says `holding_times`, the switch that weight and content of a shear tactor follow too. It is balanced
-only where the skin of every finger that holds it is simulated: what an unseen finger carries is not known.
+`holding_times` determines when it is held, as for the weight and the content that a shear tactor renders. The body is
+balanced only if the skin of every finger that holds it is simulated, because the load on other fingers is not known.
 """
 
 from __future__ import annotations
@@ -22,21 +22,27 @@ from .pad_contact import PadContact
 from .solver.bodies import ContactBody
 from .solver.grip_solver import GripSolver, GripStep, HoldContext, HoldingFinger
 
-# Smaller changes of velocity from sample to sample are no kinks [m/s], [rad/s].
+# Smallest change of velocity between two samples that counts as a kink [m/s], [rad/s].
 KINK, TURNING_KINK = 1e-3, 0.02
 
 
 def can_be_held(scene: TactileScene, b: int, animated: Collection[str]) -> bool:
-    """Return whether a body could ever be held: it says a mass, constant or animated, and a way to be held."""
+    """Return whether a body can ever be held: it must have a mass, constant or animated, and a mode of holding.
+
+    Args:
+        scene: the scene's header.
+        b: index of the body.
+        animated: names of the animated parameters.
+    """
     given = scene.bodies[b].parameters
     if "mass" not in given and f"body/{b}/mass" not in animated:
-        return False  # contents that say no mass weigh alike; what says none is not held
+        return False  # a body without a mass is not held
     mode = BODY["held_mode"].of(given, f"object '{scene.bodies[b].name}'")
     return mode == "keyed" or (mode == "auto" and len(scene.fingers) > 1)
 
 
 def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
-    """Return, from the header and one chunk, whether a body could be held there."""
+    """Return whether body `b` may be held in a chunk, by its parameters alone."""
     if not can_be_held(scene, b, chunk.animated):
         return False
     given = scene.bodies[b].parameters
@@ -47,12 +53,13 @@ def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:
 
 
 class HeldBody:
-    """One body that is held at some sample.
+    """One body that may be held.
 
     Args:
+        scene: the scene's header.
         pad_contact: contact of the pads over the whole range.
-        b: the body's index.
-        skins: finger index -> record of its skin, for the fingers that are simulated.
+        b: index of the body.
+        skins: skins of the fingers that are simulated, by the index of the finger.
     """
 
     def __init__(
@@ -94,7 +101,7 @@ class HeldBody:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Frames in which it slipped, what its motion lacks, and who holds it whose skin is not simulated."""
+        """Findings: frames of slip, kinks in its motion, and fingers without a simulated skin that hold it."""
         found = () if self._object is None else self._object.findings
         if len(self._kinks):
             what = "its motion has kinks, where it changes its velocity from one sample to the next"
@@ -117,11 +124,11 @@ class HeldBody:
         return Finding("info", code, what, where=where, remedy=remedy, frame=float(frame), count=count)
 
     def shared(self, frame: float) -> None:
-        """Record a sample in which a finger that holds it already balances another object."""
+        """Record a frame in which a finger that holds the body also holds another one."""
         self._shared = (self._shared[0], self._shared[1] + 1) if self._shared else (frame, 1)
 
     def let_go(self) -> None:
-        """Take a sample in which nobody holds it."""
+        """Take a sample in which the body is not held."""
         if self._object is not None:
             self._object.let_go()
 
@@ -134,11 +141,15 @@ class HeldBody:
         contexts: Sequence[HoldContext | None],
         frame: float,
     ) -> GripStep | None:
-        """Balance it at a sample; None where opposed fingers do not press it yet.
+        """Balance the body at a sample; None if it is held automatically and no finger presses it yet.
 
         Args:
-            surface: its own, carried by rotation `turn` and translation `origin` [m] to the world.
+            sample: index of the sample in the whole range.
+            surface: surface of the body in its own space.
+            turn: rotation of the body to the world, shape (3, 3).
+            origin: position of its origin in the world [m], shape (3,).
             contexts: contexts of the fingers, in the order of `order`.
+            frame: scene frame, for findings.
         """
         held_object = self._at(surface, turn.T @ (self._centre[sample] - origin))
         held_object.mass = float(self._mass[sample])
@@ -157,12 +168,12 @@ class HeldBody:
         )
 
     def body(self, finger_pose: Array, surface: Surface, turn: Array, origin: Array, sample: int) -> ContactBody:
-        """Return it in a finger's frame, displaced as the last balance left it."""
+        """Return the body in a finger's frame, displaced as after its last balance; arguments as for `step`."""
         held_object = self._at(surface, turn.T @ (self._centre[sample] - origin))
         return held_object.body(finger_pose, *held_object.placed(rigid(turn, origin)))
 
     def _at(self, surface: Surface, centre: Array) -> GripSolver:
-        """Return the balance, made at its first sample; a surface that changes takes its inertia along."""
+        """Return the grip solver, made at the first sample; a new surface renews its inertia."""
         known = self._object
         if known is None:
             known = self._object = GripSolver(
@@ -182,9 +193,14 @@ class HeldBody:
 
 
 def inertia_of(surface: Surface, centre: Array) -> Array:
-    """Return the inertia of a homogeneous kilogram about a point, or of its box where it encloses nothing [m^2].
+    """Return the inertia tensor about a point of a homogeneous body of 1 kg [m^2], shape (3, 3).
 
-    A sum over the tetrahedra that its triangles span with the point, shape (3, 3).
+    It is summed over the tetrahedra between the surface's triangles and the point. For a surface that is not closed it
+    is that of the bounding box.
+
+    Args:
+        surface: surface of the body.
+        centre: the point [m], shape (3,).
     """
     a, b, c = (surface.vertices[surface.triangles[:, k]] - centre for k in range(3))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
@@ -192,7 +208,8 @@ def inertia_of(surface: Surface, centre: Array) -> Array:
     size = surface.box[1] - surface.box[0]
     if not surface.closed or not abs(total) > 1e-6 * float(size.max()) ** 3:
         return np.asarray(np.diag((size @ size - size**2) / 12.0))
-    # integral of x x' over a tetrahedron with a corner at the origin: V/20 (sum of corner products + sum sum')
+    # The integral of x x' over a tetrahedron with a corner at the origin is V/20 (sum of x_k x_k' + s s'), where s is
+    # the sum of its other corners x_k.
     corners = a + b + c
     second = sum(np.einsum("n,ni,nj->ij", volume, x, x) for x in (a, b, c, corners)) / 20.0
     second = np.asarray(second) / total
@@ -200,7 +217,7 @@ def inertia_of(surface: Surface, centre: Array) -> Array:
 
 
 def rigid(turn: Array, place: Array) -> Array:
-    """Return the matrix of a rotation and a translation [m], shape (4, 4)."""
+    """Return the matrix of a rotation, shape (3, 3), and a translation [m], shape (3,); shape (4, 4)."""
     out = np.eye(4)
     out[:3, :3], out[:3, 3] = turn, place
     return out

@@ -1,10 +1,10 @@
-"""When an object counts as held, and by which fingers.
+"""Times at which an object counts as held, by the modes of its parameter `held_mode`.
 
-* 'auto': by opposed fingers. A finger holds a body while it touches it and another finger touches it too, with
-  outward normals at least 120 degrees apart: thumb and index on either side of a cube. A finger that only rests on top
-  carries nothing.
-* 'keyed': while the body's keyable `held` is on, by every finger that touches it.
-* 'never'.
+* 'auto': opposed fingers hold it. A finger holds a body while both it and another finger touch the body, with outward
+  normals at least 120 degrees apart, such as thumb and index on two sides of a cube. A finger that rests on top does
+  not hold it.
+* 'keyed': all fingers that touch the body hold it while its animated parameter `held` is on.
+* 'never': it is never held.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..scene.tactile_scene import TactileScene
 from .encounter import Encounter, encounter
 from .pad_contact import PadContact
 
-# Normals that make an angle of at least 120 degrees are opposed.
+# Two normals are opposed if the cosine of their angle is at most this: 120 degrees.
 OPPOSED = -0.5
 
 
@@ -35,13 +35,16 @@ def meet(pad_contact: PadContact, scene: TactileScene, finger: int, body: int, t
 def holding_times(
     pad_contact: PadContact, scene: TactileScene, finger: int, body: int, times: Array
 ) -> NDArray[np.bool_] | None:
-    """Return when a finger holds a body, shape (m,), or None if it never does.
+    """Return whether a finger holds a body at given times, shape (m,); None if it never does.
 
     Args:
-        times: the device's times [s], shape (m,).
+        pad_contact: contact of the pads over the whole range.
+        scene: the scene's header.
+        finger, body: indices of the pair.
+        times: times [s], shape (m,).
 
     Raises:
-        DermisError: an unknown `held_mode`.
+        DermisError: the `held_mode` is unknown.
     """
     parameters = scene.bodies[body].parameters
     mode = BODY["held_mode"].of(parameters, f"object '{scene.bodies[body].name}'")
@@ -63,7 +66,7 @@ def holding_times(
 
 
 def _opposed(pad_contact: PadContact, finger: int, other: int, body: int, times: Array) -> NDArray[np.bool_]:
-    """Whether two fingers' normals oppose, from the nearest sample of the sweep, shape (m,)."""
+    """Return whether two fingers' normals are opposed at the sample nearest to each time, shape (m,)."""
     first, second = sorted((finger, other))
 
     def at_times() -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""Lots: fingers that meet the same things, and so may hold one together; each lot is independent of the others."""
+"""Lots: groups of fingers that may hold a body together; lots are independent of each other."""
 
 from __future__ import annotations
 
@@ -6,11 +6,15 @@ from collections.abc import Collection, Iterable
 
 
 def lots_of(met: Iterable[tuple[int, int]], bodies: Collection[int], fingers: Iterable[int]) -> list[tuple[int, ...]]:
-    """Return fingers by lot, each rising, in the order of their first.
+    """Divide fingers into lots: two fingers that meet the same body are in one lot.
 
     Args:
-        met: pairs of a finger and a body that ever come near each other. bodies: those that count.
-        fingers: those that count.
+        met: pairs of a finger and a body that come near each other at some time.
+        bodies: bodies that count.
+        fingers: fingers to divide.
+
+    Returns:
+        Fingers of each lot in rising order; lots in the order of their first finger.
     """
     lots = {f: {f} for f in fingers}
     first: dict[int, int] = {}

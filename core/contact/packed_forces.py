@@ -1,9 +1,10 @@
-"""PackedForces: contact forces of a long path in little memory: whole numbers, as they change, with few bits each.
+"""PackedForces: compressed contact forces of a long path.
 
-A finger's minute of touch is some 50 MB of forces on the nodes of a standard skin, most of which are zero, and most
-others nearly as they were a sample before. Forces that a bake keeps once its tracks are made are packed: they are
-drawn, plotted and summed up, and no track is made from them. A force is then off by 1 / 65,536 of the largest one
-within `BLOCK` samples at most, a twentieth of what contact is solved to. Packing it again changes nothing.
+One minute of touch is some 50 MB of forces on the nodes of a standard skin. Most of them are zero, and most others
+change little from sample to sample. A bake packs its forces after the tracks are computed, and uses them only for
+drawing, plots and sums. Forces are stored as whole numbers by their second differences in time. The error of a force is
+at most 1 / 65,536 of the largest one within `BLOCK` samples, which is a twentieth of the tolerance of contact. Packing
+unpacked forces again does not change them.
 """
 
 from __future__ import annotations
@@ -24,15 +25,21 @@ from ..skin.nodal_forces import NodalForces
 from ..skin.point_forces import PointForces
 from ..skin.surface_compliance import SurfaceCompliance
 
-BLOCK = 64  # samples that are packed together
-BITS = 16  # of the largest force among them
-PLANES = 3  # bytes of a second difference: 16 bits, two for the differences, and a sign
+BLOCK = 64  # number of samples that are packed together
+BITS = 16  # number of bits of the largest force in a block
+PLANES = 3  # bytes of a second difference: 16 bits of the force, two bits for the differences, and a sign
 
 Floats32 = NDArray[np.float32]
 
 
 class Decoded(NamedTuple):
-    """Forces of some samples: on which places (c,), whether there was one (n, c), and how large [N] (n, c, 3)."""
+    """Unpacked forces of a block.
+
+    Attributes:
+        places: indices of the places that carry force in any sample, shape (c,).
+        present: whether each place carries force in each sample, shape (n, c).
+        force: forces [N], shape (n, c, 3).
+    """
 
     places: NDArray[np.int32]
     present: NDArray[np.bool_]
@@ -40,7 +47,15 @@ class Decoded(NamedTuple):
 
 
 class _Block(NamedTuple):
-    """The same, packed: the unit of the forces [N], their second differences in time by byte, and bits of presence."""
+    """Packed forces of a block.
+
+    Attributes:
+        places: as in `Decoded`.
+        rows: number of samples.
+        unit: unit of the whole numbers [N].
+        present: compressed changes of presence.
+        force: compressed second differences in time, byte by byte.
+    """
 
     places: NDArray[np.int32]
     rows: int
@@ -50,14 +65,16 @@ class _Block(NamedTuple):
 
 
 class PackedForces:
-    """Forces on few of many places, sample after sample; `np.asarray` unpacks them, shape (k, places, 3).
+    """Packed forces of a sequence of samples, each on few of many places.
+
+    `np.asarray` unpacks them to shape (k, places, 3).
 
     Args:
-        samples: places, rising or not, shape (c,), and finite forces on them [N], shape (c, 3), of each sample.
-        places: how many there are.
+        samples: for each sample, indices of places in any order, shape (c,), and forces on them [N], shape (c, 3).
+        places: number of all places.
 
     Raises:
-        DermisError: a force that is no finite number.
+        DermisError: a force is not finite.
     """
 
     def __init__(self, samples: Iterable[tuple[Indices | NDArray[np.int32], Array | Floats32]], places: int) -> None:
@@ -67,23 +84,23 @@ class PackedForces:
         while some := list(islice(given, BLOCK)):
             self._blocks.append(_packed(some))
             self._count += len(some)
-        self._last: tuple[int, Decoded] | None = None  # whoever looks at one sample looks at the next
+        self._last: tuple[int, Decoded] | None = None  # last unpacked block: reads are usually in order
 
     def __len__(self) -> int:
         return self._count
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Of the array that it unpacks to."""
+        """Shape of the unpacked array."""
         return self._count, self._places, 3
 
     @property
     def nbytes(self) -> int:
-        """How much memory it takes."""
+        """Size in memory [bytes]."""
         return sum(b.places.nbytes + len(b.present) + len(b.force) for b in self._blocks)
 
     def at(self, k: int) -> tuple[NDArray[np.int32], Floats32]:
-        """Return the places of a sample, rising, and the forces on them [N]."""
+        """Return the places of a sample, rising, shape (c,), and the forces on them [N], shape (c, 3)."""
         if not 0 <= k < self._count:
             raise IndexError(k)
         number, row = divmod(k, BLOCK)
@@ -93,7 +110,7 @@ class PackedForces:
         return block.places[block.present[row]], block.force[row][block.present[row]]
 
     def decoded(self) -> Iterator[Decoded]:
-        """Yield the forces of `BLOCK` samples after the other."""
+        """Yield the unpacked forces of one block after the other."""
         return map(_decoded, self._blocks)
 
     def __array__(self, dtype: DTypeLike = None, copy: bool | None = None) -> NDArray[Any]:
@@ -114,11 +131,13 @@ class PackedForces:
 
 
 class SpreadForces:
-    """Forces on the nodes of a mesh, brought there from those on points; `np.asarray` gives them, shape (k, nodes, 3).
+    """Forces on the nodes of a mesh, computed from packed forces on points when they are read.
+
+    `np.asarray` returns them with shape (k, nodes, 3).
 
     Args:
-        points: the forces on cells of a smooth pad.
-        nodes: converts them to forces on the nodes.
+        points: packed forces on cells of a smooth pad.
+        nodes: map from forces on cells to forces on nodes.
     """
 
     def __init__(self, points: PackedForces, nodes: NodalForces) -> None:
@@ -129,12 +148,12 @@ class SpreadForces:
 
     @property
     def shape(self) -> tuple[int, int, int]:
-        """Of the array that it unpacks to."""
+        """Shape of the unpacked array."""
         return len(self._points), len(self._nodes.mesh.pad), 3
 
     @property
     def nbytes(self) -> int:
-        """How much memory it takes beside the points."""
+        """Size in memory without the forces on points [bytes]."""
         return 0
 
     def __array__(self, dtype: DTypeLike = None, copy: bool | None = None) -> NDArray[Any]:
@@ -154,7 +173,8 @@ class PackedPoints:
     """Forces on points of the smooth skin over a scene, packed; see `PointRecord`.
 
     Attributes:
-        surface: the smooth pad. packed: the forces on its cells.
+        surface: the smooth pad.
+        packed: packed forces on its cells.
     """
 
     surface: SurfaceCompliance
@@ -167,19 +187,19 @@ class PackedPoints:
 
     @property
     def starts(self) -> NDArray[np.intp]:
-        """Where each sample in contact begins in the others, and their length, shape (k + 1,)."""
+        """Index in `cells` and `force` at which each sample in contact begins, and their length, shape (k + 1,)."""
         counts = [block.present.sum(axis=1) for block in self.packed.decoded()]
         return np.concatenate([np.zeros(1, np.intp), np.cumsum(np.concatenate([np.zeros(0, np.intp), *counts]))])
 
     @property
     def cells(self) -> NDArray[np.int32]:
-        """Cells of the pad's tree, shape (n,)."""
+        """Indices of the loaded cells of all samples, shape (n,)."""
         every = [np.broadcast_to(b.places, b.present.shape)[b.present] for b in self.packed.decoded()]
         return np.concatenate([np.zeros(0, np.int32), *every])
 
     @property
     def force(self) -> Floats32:
-        """Forces on them [N], shape (n, 3)."""
+        """Forces on `cells` [N], shape (n, 3)."""
         return np.concatenate([np.zeros((0, 3), np.float32), *(b.force[b.present] for b in self.packed.decoded())])
 
 
@@ -195,11 +215,11 @@ def _packed(samples: Sequence[tuple[Indices | NDArray[np.int32], Array | Floats3
     if not math.isfinite(most):
         raise DermisError("a force on the skin is no finite number", where="skin contact", value=most)
     part, exponent = math.frexp(most)
-    unit = 2.0 ** (exponent - (part == 0.5) - BITS)  # forces packed again meet the same unit, or a part
+    unit = 2.0 ** (exponent - (part == 0.5) - BITS)  # packing again gives the same unit, or a fraction of it
     turned = np.rint(force / unit).astype(np.int32).reshape(len(samples), -1)
     for _ in range(2):
         turned = np.diff(turned, axis=0, prepend=np.zeros((1, turned.shape[1]), np.int32))
-    folded = np.ascontiguousarray((turned << 1 ^ turned >> 31).T)  # small numbers of either sign become small ones
+    folded = np.ascontiguousarray((turned << 1 ^ turned >> 31).T)  # zigzag code: sign in the lowest bit
     planes = folded.astype("<i4").view(np.uint8).reshape(-1, 4).T[:PLANES]
     came = np.packbits(np.diff(present, axis=0, prepend=np.zeros((1, len(places)), np.bool_)))
     return _Block(places, len(samples), unit, zlib.compress(came.tobytes()), zlib.compress(planes.tobytes()))

@@ -1,4 +1,4 @@
-"""PadContact: which pads touch which bodies, with gaps and closest points, at every sample of the sweep."""
+"""PadContact: gaps and closest points of all pads and bodies, at every sample of a sweep."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class PairContact:
-    """One pad and one body that come within reach of each other.
+    """Contact of one pad and one body that come within reach of each other.
 
     Attributes:
-        gap: signed distance of the pad's centre [m], inf beyond reach, shape (n,).
-        normal: outward normal of the body in world axes, zero beyond reach, shape (n, 3).
-        point: closest point in the body's carried space (scaled, not rotated) [m], zero beyond reach, shape (n, 3).
-        surface_velocity: velocity of the closest point of a deforming body in its carried space [m/s]; None if the body
-            is rigid.
-        smooth_normal: that of the curved surface for which the faces stand, in world axes, zero beyond reach, shape
-            (n, 3); None where no device of the finger asks for it.
+        gap: signed distance of the pad's centre from the body [m], shape (n,); inf beyond reach.
+        normal: outward normal of the body in world axes, shape (n, 3); zero beyond reach.
+        point: closest point in the body's carried space (scaled, not rotated) [m], shape (n, 3); zero beyond reach.
+        surface_velocity: velocity of the closest point of a deforming body in its carried space [m/s], shape (n, 3);
+            None for a rigid body.
+        smooth_normal: normal of the curved surface that the faces approximate, in world axes, shape (n, 3), zero beyond
+            reach; None if no device of the finger uses it.
     """
 
     gap: Array
@@ -44,20 +44,20 @@ class PairContact:
 
 @dataclass(frozen=True, eq=False)
 class PadContact:
-    """The contact of all pads over a whole range.
+    """Contact of all pads over a whole range.
 
-    Only pairs that ever come within reach are kept, in `pairs`; `gap` and `normal` spread them over
-    all fingers and bodies for those who want dense arrays.
+    Only pairs that come within reach at some sample are stored, in `pairs`. `gap` and `normal` are dense arrays over
+    all fingers and bodies.
 
     Attributes:
         frames, times: scene frame and time [s] of each sample, shape (n,).
         fingers, bodies, screens: object-to-world matrices, shape (count, n, 4, 4).
-        pairs: by finger and body index.
-        centres: centre of gravity of deforming bodies in their object space, shape (n, 3).
-        animated: animated parameters over the whole range, shape (n,).
-        skipped: how much work the scene did not need, by name.
-        findings: repairs and refusals.
-        kept: results derived from all this once, so that several devices share them.
+        pairs: contact of each pair, by the indices of finger and body.
+        centres: centres of gravity of deforming bodies in their own space [m], shape (n, 3), by the index of the body.
+        animated: animated parameters over the whole range, by name, shape (n,).
+        skipped: amounts of work that were left out, by name.
+        findings: repairs, and doubts about surfaces.
+        kept: derived results, which several devices share.
         memory: state before the first sample if this is the end of a longer range; None if it begins at rest.
     """
 
@@ -76,12 +76,12 @@ class PadContact:
 
     @cached_property
     def knots(self) -> Knots:
-        """The times of the samples, as splines through them take them."""
+        """Times of the samples as knots of splines."""
         return Knots(self.times)
 
     @cached_property
     def gap(self) -> Array:
-        """Signed distance between pads and bodies [m], inf beyond reach, shape (F, B, n)."""
+        """Signed distance between pads and bodies [m], shape (F, B, n); inf beyond reach."""
         dense = np.full((len(self.fingers), len(self.bodies), len(self.times)), np.inf)
         for (f, b), pair in self.pairs.items():
             dense[f, b] = pair.gap
@@ -89,14 +89,14 @@ class PadContact:
 
     @cached_property
     def normal(self) -> Array:
-        """Outward normals in world axes, zero beyond reach, shape (F, B, n, 3)."""
+        """Outward normals of bodies at pads in world axes, shape (F, B, n, 3); zero beyond reach."""
         dense = np.zeros((len(self.fingers), len(self.bodies), len(self.times), 3))
         for (f, b), pair in self.pairs.items():
             dense[f, b] = pair.normal
         return dense
 
     def device_times(self, scene: TactileScene, rate: float) -> Array:
-        """Return the times of a device's commands [s], the same array for all devices of a rate [Hz]."""
+        """Return the times of a device's commands [s]; devices of the same rate [Hz] get the same array."""
 
         def made() -> Array:
             return device_times(scene, rate) if self.memory is None else self.memory.times(rate)
@@ -105,32 +105,39 @@ class PadContact:
         return times
 
     def carry(self, key: Hashable, times: Array) -> AbstractContextManager[Carry]:
-        """Give the state that something at device times begins with, and note how it ends; rest without a memory."""
+        """Return a context with the state at the first time, which stores the state at the end.
+
+        Without a memory, the state is that of rest.
+
+        Args:
+            key: key of the state.
+            times: the device's times [s], shape (m,).
+        """
         return nullcontext(Carry()) if self.memory is None else self.memory.carry(key, times)
 
     def lasting(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what holds for the whole scene, made once where it is computed window by window."""
+        """Return a value that holds for the whole scene; with a memory it is computed once for all windows."""
         made: T = make() if self.memory is None else self.memory.lasting(key, make)
         return made
 
     def finger_motion(self, finger: int) -> Motion:
-        """Return the smooth motion of a finger, computed once."""
+        """Return the smooth motion of a finger, which is kept."""
         return self.keep(("finger", finger), lambda: Motion(self.knots, self.fingers[finger]))
 
     def body_motion(self, body: int) -> Motion:
-        """Return the smooth motion of a body, computed once."""
+        """Return the smooth motion of a body, which is kept."""
         return self.keep(("body", body), lambda: Motion(self.knots, self.bodies[body]))
 
     def finger_at(self, finger: int, times: Array) -> MotionSamples:
-        """Return a finger's motion at times that are asked for again and again, computed once."""
+        """Return a finger's motion at times [s], shape (m,), which is kept for these times."""
         return self.keep(("finger at", finger, len(times)), lambda: self.finger_motion(finger).at(times), times)
 
     def body_at(self, body: int, times: Array) -> MotionSamples:
-        """Return a body's motion at times that are asked for again and again, computed once."""
+        """Return a body's motion at times [s], shape (m,), which is kept for these times."""
         return self.keep(("body at", body, len(times)), lambda: self.body_motion(body).at(times), times)
 
     def centre(self, body: int, mesh: Mesh | None) -> Spline:
-        """Return the path of a body's centre of gravity in the world [m], computed once."""
+        """Return the path of a body's centre of gravity in the world [m], which is kept."""
 
         def path() -> Spline:
             if body in self.centres:
@@ -144,15 +151,15 @@ class PadContact:
         return self.keep(("centre", body), path)
 
     def series(self, owner: str, row: Parameter, constants: Mapping[str, Any], times: Array) -> float | Array:
-        """Return an animated parameter at times, shape (m,), or its constant value where it is not animated.
+        """Return an animated parameter at times, shape (m,), or its constant value.
 
-        A switch holds each sample's value until the next; numbers are interpolated linearly.
+        Numbers are interpolated linearly. A switch keeps the value of each sample until the next.
 
         Args:
             owner: owner of the parameter, such as 'body/3'.
             row: the parameter.
             constants: the owner's parameters that are not animated.
-            times: [s], shape (m,).
+            times: times [s], shape (m,).
         """
         values = self.animated.get(f"{owner}/{row.name}")
         if values is None:
@@ -164,7 +171,7 @@ class PadContact:
         return values[np.clip(np.searchsorted(self.times, times + 1e-9, side="right") - 1, 0, None)]
 
     def keep(self, key: Any, make: Callable[[], Any], times: Array | None = None) -> Any:
-        """Return the result under a key, made once; with `times`, only for an object of the same times."""
+        """Return the result with a key, computed once; with `times`, again if these have changed."""
         known = self.kept.get(key)
         if known is None or (times is not None and known.times is not times and not np.array_equal(known.times, times)):
             self.kept[key] = known = make()

@@ -1,9 +1,10 @@
-"""PadProxy: the side of an object that a pad's centre came from, however deep it is and however thin the object.
+"""PadProxy: side of a closed surface on which a pad's centre entered.
 
-The nearest face of a card flips to its back as soon as a finger is pressed deeper than half its thickness. A proxy, as
-haptic displays have one, stays on the surface where the centre went in and slides along it; gap and normal are those
-of the centre above the proxy's tangent plane, until the nearest face is on the proxy's side again, the centre has left
-over a rim, or it came in through a wall and now lies nearest to a face that the pad looks at.
+If a finger is pressed into a card deeper than half its thickness, the nearest face is on the back of the card. A proxy,
+as in haptic rendering, stays on the surface where the centre entered, and slides along it. Gap and normal are those of
+the centre relative to the proxy's tangent plane. The proxy is released in three cases: the nearest face is on its side
+again, the centre has left over a rim, or the centre entered through a side wall and is now nearest to a face that is
+opposite the pad.
 
 Source: Zilles and Salisbury 1995 (the god-object).
 """
@@ -17,31 +18,35 @@ from ..surface.crossing import first_crossing
 from ..surface.gap import Surface
 from ..surface.gap_query import GapQuery
 
-# Normals of consecutive samples that differ by more than this cosine says may be of two sides of something.
+# If the cosine between the normals of consecutive samples is below this, they may belong to different sides.
 SAME_SIDE = 0.5
-ABOVE = 1e-9  # of the surface, where a way into it starts [m]
-# A proxy that would be this share of the depth off the surface has slid over a rim.
+ABOVE = 1e-9  # height above the surface at which a path into it starts [m]
+# A proxy has slid over a rim if its distance from the surface would exceed this share of the depth.
 OVER_A_RIM = 0.25
 
 
 class PadProxy:
-    """One pad's centre on one closed surface, sample after sample, in the surface's space.
+    """Proxy of one pad's centre on one closed surface, in the surface's space, sample after sample.
 
     Args:
-        deepest: depth at which something that the centre has left again went through the finger [m].
+        deepest: depth beyond which a centre that is outside again has passed through the surface [m].
     """
 
     def __init__(self, deepest: float) -> None:
         self._deepest = deepest
-        self._place: Array | None = None  # on or above the surface, in the last sample [m]
+        self._place: Array | None = None  # last position, on or above the surface [m]
         self._normal, self._nail = np.zeros(3), np.zeros(3)
         self._held = False
 
     def start(self, surface: Surface, found: GapQuery, k: int, point: Array, nail: Array) -> None:
-        """Begin at sample `k`: a centre that is inside went in on the way down from the nail.
+        """Begin at sample `k`; a centre inside the surface is assumed to have entered along the finger's -Z.
 
         Args:
-            point: the centre [m], shape (3,). nail: direction of the finger's Z, shape (3,).
+            surface: the surface.
+            found: gaps of all samples; changed in place if the proxy holds.
+            k: index of the sample.
+            point: position of the centre [m], shape (3,).
+            nail: direction of the finger's Z, shape (3,).
         """
         self._held, self._nail = False, nail
         if found.gap[k] < 0.0:
@@ -51,13 +56,14 @@ class PadProxy:
         self._keep(found, k, point)
 
     def follow(self, surface: Surface, found: GapQuery, which: Indices, points: Array, nails: Array) -> None:
-        """Take in consecutive samples; where the centre is held on a side, `found` is changed to that side.
+        """Take consecutive samples; `found` is changed in place where the proxy holds.
 
         Args:
-            found: gap queries of all samples.
-            which: indices of this pad's samples among them.
-            points: the pad's centre at all samples in `found` [m], shape (n, 3).
-            nails: directions of the finger's Z, of `which`, shape (len(which), 3).
+            surface: the surface.
+            found: gaps of all samples.
+            which: indices of this pad's samples among them, shape (k,).
+            points: positions of the pad's centre at all samples in `found` [m], shape (n, 3).
+            nails: directions of the finger's Z at the samples `which`, shape (k, 3).
         """
         normals = found.normal[which]
         before = np.concatenate([self._normal[None], normals[:-1]])
@@ -82,7 +88,7 @@ class PadProxy:
             self._keep(found, which[-1], points[which[-1]])
 
     def _keep(self, found: GapQuery, k: int, point: Array) -> None:
-        """Remember where the centre is, or its proxy where it is inside."""
+        """Store the position of the centre, or of its closest point if it is inside."""
         self._normal = found.normal[k]
         self._place = point if found.gap[k] > 0.0 else found.point[k] + ABOVE * found.normal[k]
 
@@ -90,11 +96,11 @@ class PadProxy:
         return float(found.normal[k] @ self._normal) < SAME_SIDE
 
     def _lies_on(self, found: GapQuery, k: int, wall: Array) -> bool:
-        """Return whether the nearest face is one that the pad looks at, and the way in led through a wall."""
+        """Return whether the nearest face is opposite the pad, and the centre entered through a side wall."""
         return float(found.normal[k] @ self._nail) >= SAME_SIDE and abs(float(wall @ self._nail)) < SAME_SIDE
 
     def _enter(self, surface: Surface, found: GapQuery, k: int, point: Array) -> None:
-        """Hold the side that the way from the last place to the centre leads in at, if it leads in."""
+        """Place the proxy where the path from the last position to the centre enters the surface, if it does."""
         assert self._place is not None
         triangle, share = first_crossing(surface.table, self._place[None], point[None])
         if triangle[0] < 0:
@@ -107,7 +113,7 @@ class PadProxy:
         self._put(surface, found, k, point, self._place + share[0] * (point - self._place), normal)
 
     def _slide(self, surface: Surface, found: GapQuery, k: int, point: Array) -> None:
-        """Move the proxy along the surface to where it is nearest to the centre, or let go of it."""
+        """Move the proxy along the surface to the point nearest to the centre, or release it."""
         assert self._place is not None
         outside = found.gap[k] > 0.0
         if not outside and (not self._differs(found, k) or self._lies_on(found, k, self._normal)):
@@ -121,7 +127,7 @@ class PadProxy:
         if outside and above.gap[0] > OVER_A_RIM * depth:
             self._held = False
             return
-        normal = surface.table.bounds[3:6, above.triangle[0]]  # of the face: the gap's own is noise this near
+        normal = surface.table.bounds[3:6, above.triangle[0]]  # a gap this small has no direction
         turned = float(normal @ self._normal) < SAME_SIDE
         self._put(surface, found, k, point, above.point[0], self._normal if turned else normal)
 

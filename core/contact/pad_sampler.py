@@ -1,9 +1,10 @@
-"""PadSampler: from chunks of poses to the gap between every pad and every body, sample by sample.
+"""PadSampler: gaps between all pads and all bodies, from chunks of poses.
 
-The broad phase compares boxes over a whole chunk, then per sample; pairs farther apart than the search radius cost
-nothing more and are counted. The narrow phase asks a body's `Surface` for its gap to the pads' centres, in the body's
-*carried* space: its object space after scale and shear, before rotation and translation, so that lengths are metres.
-Bodies whose scale changes, and bodies that deform, get a surface per sample, but only where a pad is near.
+The broad phase compares bounding boxes, first over a whole chunk and then at each sample. Pairs farther apart than the
+search radius are counted and skipped. The narrow phase measures the gaps of the pads' centres to a body's `Surface` in
+the body's *carried* space. This is its own space after scale and shear, but before rotation and translation, so that
+lengths are in metres. Bodies that deform or change their scale need a surface for each sample, which is built only if a
+pad is near.
 """
 
 from __future__ import annotations
@@ -35,18 +36,18 @@ from .surfaces import alike, bounds_in_world, box_of, boxes_in_world, carried, r
 
 
 class PadSampler:
-    """Collects the touch of a scene, one chunk after the other.
+    """Collects the contact of pads in a scene, one chunk after the other.
 
     Args:
-        scene: its header; the chunks are handed to `add`.
-        fingers: whose touch is collected; all where None.
+        scene: the scene's header; its chunks are passed to `add`.
+        fingers: indices of the fingers; None for all.
     """
 
     def __init__(self, scene: TactileScene, fingers: Collection[int] | None = None) -> None:
         self.renew(scene)
         self._own = set(range(len(scene.fingers))) if fingers is None else set(fingers)
         self._chunks: list[Chunk] = []
-        self._first = self._count = 0  # samples that are kept: from the first, below the other
+        self._first = self._count = 0  # range of the samples that are kept
         self._pairs: dict[tuple[int, int], PairRecord] = {}
         self._stretched: dict[int, tuple[Mesh, Array, Surface]] = {}
         self._centres: dict[int, list[Array]] = {}
@@ -57,20 +58,20 @@ class PadSampler:
         self._deforming = DeformingSurfaces(scene.bodies, self._repairs)
 
     def renew(self, scene: TactileScene) -> None:
-        """Go on with other settings of the same fingers, bodies and screens."""
+        """Continue with other settings of the same fingers, bodies and screens."""
         self._scene = scene
         self._radius = SearchRadius(scene)
-        # fingers with a device that follows the surface's own normals
+        # fingers with a device that uses the surface's smooth normals
         self._smooth = {
             i for i, f in enumerate(scene.fingers) if any(d.parameters.get("relief") == "mesh" for d in f.devices)
         }
 
     def add(self, chunk: Chunk) -> Chunk:
-        """Take in the next samples; return them as they were taken, with poses and surfaces mended.
+        """Take the next samples; return them with invalid poses and surfaces replaced.
 
         Raises:
-            DermisError: shapes that do not fit the header, a finger of scale 0, a scale beyond measure, or an
-                animated parameter that is out of range.
+            DermisError: shapes do not fit the header, a finger has scale 0, a scale is too large, or an animated
+                parameter is out of range.
         """
         count = len(chunk.times)
         scene = self._scene
@@ -100,7 +101,7 @@ class PadSampler:
         return replace(chunk, fingers=fingers, bodies=bodies, screens=screens)
 
     def forget(self, chunks: int) -> None:
-        """Leave the first chunks that are left out of what `finish` returns."""
+        """Remove the first `chunks` chunks from the result of `finish`."""
         for chunk in self._chunks[:chunks]:
             self._first += len(chunk.times)
         del self._chunks[:chunks]
@@ -110,10 +111,10 @@ class PadSampler:
             del parts[: -len(self._chunks)]
 
     def finish(self) -> PadContact:
-        """Return everything that was taken in.
+        """Return the contact at all samples that were taken.
 
         Raises:
-            DermisError: there was no sample, times do not rise, or an animated parameter is never a number.
+            DermisError: there is no sample, times do not rise, or an animated parameter is never finite.
         """
         if not self._chunks:
             raise DermisError("no samples", where=f"scene '{self._scene.name}'", remedy="Check the frame range")
@@ -165,9 +166,9 @@ class PadSampler:
         self._deforming.leave(chunk)
 
     def _within(self, chunk: Chunk, bodies: Array, pads: Array) -> list[int]:
-        """Return the bodies that may come within reach in the chunk, and all that deform or whose centre is followed.
+        """Return the bodies that may come within reach in a chunk, and all that deform or whose centre is recorded.
 
-        Of thousands of instances most are told here, at once.
+        Of thousands of instances, most are excluded here in one step.
         """
         rigid = [b for b in range(len(bodies)) if b not in chunk.surfaces]
         poses = bodies if len(rigid) == len(bodies) else bodies[rigid]
@@ -182,7 +183,7 @@ class PadSampler:
     def _boxes(
         self, chunk: Chunk, bodies: Array, deforming: Mapping[int, Array], within: Sequence[int]
     ) -> Iterator[tuple[int, Array, Array]]:
-        """Yield some bodies' world bounding boxes: middle and half size, shape (n, 3) each."""
+        """Yield the index of each body with its bounding boxes in the world: centre and half size [m], (n, 3) each."""
         for b in within:
             body = self._scene.bodies[b]
             if b in chunk.surfaces:
@@ -197,7 +198,7 @@ class PadSampler:
             yield b, *boxes_in_world(bodies[b], boxes)
 
     def _still_centres(self, b: int, chunk: Chunk) -> Array:
-        """Return the centre of the surface that the header gives a body, at every sample of a chunk."""
+        """Return the centre of a body's surface in the header, for each sample of a chunk [m], shape (n, 3)."""
         return np.repeat(centres_of((rigid_mesh(self._scene.bodies[b]),)), len(chunk.times), axis=0)
 
     # -- narrow phase --------------------------------------------------------------------------------------------
@@ -245,7 +246,7 @@ class PadSampler:
     def _surfaces(
         self, b: int, chunk: Chunk, near_samples: NDArray[np.intp], stretch: Array
     ) -> Iterator[tuple[Surface, NDArray[np.intp], Array | None]]:
-        """Yield each surface of a body with the samples it holds for and, if it deforms, its vertices' velocities."""
+        """Yield each surface of a body, its samples, and the velocities of its vertices if it deforms, else None."""
         mesh = self._scene.bodies[b].mesh
         if b in chunk.surfaces:
             for i, carry in zip(near_samples, stretch, strict=True):
@@ -264,7 +265,7 @@ class PadSampler:
                 self._stretched[b] = last_surface
                 self._noted[b] = last_surface[2].findings(f"object '{self._scene.bodies[b].name}'")
             same = alike(stretch[left], last_surface[1])
-            if not same.any():  # the scale is animated: this one serves until it changes again
+            if not same.any():  # the scale is animated, and this surface is used until it changes again
                 carry = stretch[left[0]]
                 last_surface = (mesh, carry, carried(mesh, carry))
                 self._stretched[b] = last_surface
@@ -273,7 +274,7 @@ class PadSampler:
             left = left[~same]
 
     def _deformed(self, b: int, mesh: Mesh, carry: Array) -> Surface:
-        """Return the surface of a body that may deform: the last one where neither mesh nor scale has changed."""
+        """Return the surface of a deforming body; the last one if neither mesh nor scale has changed."""
         last = self._stretched.get(b)
         if last is None or last[0] is not mesh or not alike(carry[None], last[1])[0]:
             last = self._stretched[b] = (mesh, carry, carried(mesh, carry))
@@ -291,7 +292,7 @@ class PadSampler:
         own_radius: Array | None,
         rates: Array | None,
     ) -> None:
-        """Ask the surface about all pads at once, and keep the samples at which it is within reach."""
+        """Measure the gaps of all near pads to a surface, and store the samples at which it is within reach."""
         low, high = surface.box[0] - self._radius.longest, surface.box[1] + self._radius.longest
         samples = np.concatenate([index for _, index in near])
         who = np.repeat([f for f, _ in near], [index.size for _, index in near])
@@ -353,7 +354,10 @@ class PadSampler:
         turn: Array,
         finger: Array,
     ) -> None:
-        """Let a closed surface be felt on the side that the finger came from; it begins anew after a gap in time."""
+        """Correct the gaps to a closed surface for the side from which the finger came.
+
+        The proxy begins again after samples that are not known.
+        """
         parts = [which]
         if which.size > 1:
             number = self._count + samples[which]
@@ -373,7 +377,10 @@ class PadSampler:
     def _sides(
         self, pair: PairRecord, surface: Surface, index: NDArray[np.intp], local: Array, turn: Array, finger: Array
     ) -> Array:
-        """Which side of an open surface the finger came from, +1 or -1: decided once, when it comes within reach."""
+        """Return the side of an open surface from which the finger came at each sample, +1 or -1.
+
+        It is decided when the surface comes within reach.
+        """
         side = np.empty(index.size)
         follows = self._count + index == np.concatenate([[pair.last], self._count + index[:-1]]) + 1
         for k, (i, followed) in enumerate(zip(index, follows, strict=True)):
@@ -385,6 +392,6 @@ class PadSampler:
 
 
 def _interpolated(surface: Surface, nearest: GapQuery, within_reach: NDArray[np.bool_], velocity: Array) -> Array:
-    """A vertex quantity at the closest points, shape (n, 3)."""
+    """Interpolate the vertices' velocities at the closest points, shape (n, 3)."""
     corners = np.asarray(surface.triangles)[nearest.triangle[within_reach]]
     return np.einsum("nc,ncj->nj", nearest.weights[within_reach], velocity[corners])

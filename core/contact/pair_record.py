@@ -1,4 +1,4 @@
-"""One finger and one body while a scene is swept: their distances so far, and all of them at the end."""
+"""PairRecord: gaps between one finger and one body during a sweep."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from .solver.bodies import BONE
 
 @dataclass
 class PairRecord:
-    """Distances of a finger and a body so far, in pieces as the chunks brought them.
+    """Gaps between a finger and a body so far, in pieces.
 
     Attributes:
-        start: samples at which the gap is known, rising.
-        gap, normal, point, surface_velocity, smooth_normal: there, as in `PairContact`; the last where a device asks.
-        last: the last such sample. seen: the last that `proxy` took in.
+        start: indices of the samples at which the gap is known, rising.
+        gap, normal, point, surface_velocity, smooth_normal: values at these samples, as in `PairContact`. The last is
+            empty if no device uses it.
+        last: last sample at which the gap is known.
+        seen: last sample that `proxy` has taken.
         side: side of an open surface on which the finger is, +1 or -1.
-        proxy: for a closed surface, tracks the side from which the finger came.
+        proxy: for a closed surface, determines the side from which the finger came.
     """
 
     start: list[NDArray[np.intp]] = field(default_factory=list)
@@ -37,18 +39,18 @@ class PairRecord:
     proxy: PadProxy = field(default_factory=lambda: PadProxy(float(BONE[2])))
 
     def forget(self, first: int) -> None:
-        """Forget the chunks before a sample, which one of them begins with."""
+        """Remove the pieces before sample `first`, which is the first of a chunk."""
         while self.start and self.start[0][-1] < first:
             for pieces in (self.start, self.gap, self.normal, self.point, self.surface_velocity, self.smooth_normal):
                 del pieces[:1]
 
     def assembled(self, first: int, count: int) -> PairContact:
-        """Spread the pieces over `count` samples from the first on."""
+        """Return the contact at `count` samples from sample `first` on."""
         index = np.concatenate(self.start) - first
 
         def spread(parts: list[Array], beyond: float = 0.0) -> Array:
             known = np.concatenate(parts)
-            if index.size == count:  # it is known at all of them
+            if index.size == count:  # known at all samples
                 return known
             out = np.full((count, *known.shape[1:]), beyond)
             out[index] = known

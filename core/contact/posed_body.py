@@ -1,7 +1,7 @@
-"""PosedBody: the surface of a scene's body at a sample, in the space it is carried in.
+"""PosedBody: surface and pose of one body at each sample of a chunk.
 
-That space is the object's after scale and shear and before rotation and translation, so lengths there are metres and
-a body that keeps its scale keeps its surface.
+The surface is in the body's carried space: its own space after scale and shear, but before rotation and translation.
+Lengths are then in metres, and a body that keeps its scale keeps its surface.
 """
 
 from __future__ import annotations
@@ -18,13 +18,15 @@ from .surfaces import alike, box_of, carried, rigid_mesh, surface_of
 
 
 class Posed(NamedTuple):
-    """A body at a sample.
+    """Body at one sample.
 
     Attributes:
-        surface: after scale and shear.
-        turn: rotation to the world, shape (3, 3). origin: in the world [m], shape (3,).
-        deforms: its surface is another at every sample.
-        carry: as in `ContactBody`: how its scale changed since it was first asked for; None where it did not.
+        surface: surface after scale and shear.
+        turn: rotation to the world, shape (3, 3).
+        origin: position of the body's origin in the world [m], shape (3,).
+        deforms: whether the surface changes from sample to sample.
+        carry: linear map from the body's first scale and shear to the present ones, see `ContactBody`; None at the
+            first.
     """
 
     surface: Surface
@@ -35,7 +37,7 @@ class Posed(NamedTuple):
 
 
 class _Kept(NamedTuple):
-    """A surface and its sources."""
+    """Surface with the mesh, the stretch and the map `carry` to which it belongs."""
 
     mesh: Mesh
     stretch: Array
@@ -47,9 +49,9 @@ class PosedBody:
     """One body of a scene.
 
     Args:
-        body: its header.
-        deforms: whether its surface may be another at another sample, where all surfaces come with the chunks, as in
-            a preview; None where only those that deform do.
+        body: header of the body.
+        deforms: whether the surface may change, for scenes whose chunks contain the surfaces of all bodies, as in a
+            preview. None for scenes whose chunks contain those of deforming bodies alone.
     """
 
     def __init__(self, body: Body, deforms: bool | None = None) -> None:
@@ -57,15 +59,21 @@ class PosedBody:
         self._poses = np.zeros((0, 4, 4))
         self._meshes: tuple[Mesh, ...] | None = None
         self._kept: _Kept | None = None
-        self._first: Array | None = None  # its stretch when it was first asked for
+        self._first: Array | None = None  # its stretch at the first use
         self._turned: tuple[Array, Array] | None = None  # linear maps, and their rotations
-        self._turned_here = False  # whether those are this chunk's
-        self._box: tuple[Mesh, Array] | None = None  # of a mesh, in its object's space
+        self._turned_here = False  # whether these are those of this chunk
+        self._box: tuple[Mesh, Array] | None = None  # bounding box of a mesh in its own space
         self._boxes: Array | None = None  # of this chunk's meshes
         self._previous: tuple[Array, Mesh | None] | None = None  # pose and mesh of the sample before the chunk
 
     def take(self, b: int, chunk: Chunk, *, again: bool = False) -> None:
-        """Go on to a chunk, in which it is body `b`; `again` where it stands for the last one once more."""
+        """Take a chunk, in which this is body `b`.
+
+        Args:
+            b: index of the body in the chunk.
+            chunk: the chunk.
+            again: whether the chunk replaces the last one.
+        """
         if not again and len(self._poses):
             self._previous = self._poses[-1], None if self._meshes is None else self._meshes[-1]
         self._poses, self._meshes, self._turned_here = chunk.bodies[b], chunk.surfaces.get(b), False
@@ -76,7 +84,7 @@ class PosedBody:
         self._previous = None
 
     def boxes(self) -> Array:
-        """Return the box in the object's space at every sample [m], shape (n, 2, 3), or (1, 2, 3) of a rigid body.
+        """Return the bounding boxes in the body's own space [m], shape (n, 2, 3), or (1, 2, 3) for a rigid body.
 
         Raises:
             DermisError: the object has no surface.
@@ -87,11 +95,11 @@ class PosedBody:
         return self._boxes
 
     def at(self, i: int) -> Posed:
-        """Return the body at a sample, at which it is not `PosedScene.flat`."""
+        """Return the body at sample `i`, at which it must not have scale 0."""
         return self._posed(self._poses[i], self._turns()[i], None if self._meshes is None else self._meshes[i])
 
     def before(self, i: int) -> Posed | None:
-        """Return the body at the sample before sample `i`; None where it had no surface, or that was not kept."""
+        """Return the body at the sample before sample `i`; None if it is not known or had no surface or scale 0."""
         if i > 0:
             pose, mesh = self._poses[i - 1], None if self._meshes is None else self._meshes[i - 1]
         elif self._previous is not None:
@@ -111,19 +119,21 @@ class PosedBody:
         return Posed(kept.surface, turn, pose[:3, 3], deforms, kept.carry)
 
     def _surface(self, mesh: Mesh, stretch: Array, anew: bool) -> _Kept:
-        """Return the surface after scale and shear, made again where one of the two is another.
+        """Return the surface after scale and shear; the last one if mesh and stretch are the same.
 
         Args:
-            anew: it deforms, and is therefore made for each stretch exactly.
+            mesh: mesh of the body.
+            stretch: linear map by scale and shear, shape (3, 3).
+            anew: whether the body deforms. The surface is then built for the exact stretch.
         """
         kept = self._kept if self._kept is not None and self._kept.mesh is mesh else None
         if kept is not None and (np.array_equal if anew else alike)(stretch, kept.stretch):
             return kept
         plain = not anew and bool(alike(stretch, np.eye(3)))
         stretch = np.eye(3) if plain else stretch
-        # kept with the mesh only once: an animated scale has another surface at every sample
+        # Only the first stretched surface is kept with the mesh, because an animated scale changes it at every sample.
         surface = surface_of(mesh) if plain else carried(mesh, stretch) if kept or anew else surface_of(mesh, stretch)
-        # the material is told by its place at the first stretch, so that it is the same before and after
+        # Material coordinates are positions at the first stretch.
         carry = None if self._first is None else stretch @ np.linalg.inv(self._first)
         if self._first is None:
             self._first = stretch
@@ -131,7 +141,7 @@ class PosedBody:
         return self._kept
 
     def _turns(self) -> Array:
-        """Return the rotations of all samples, shape (n, 3, 3); most objects stand still from chunk to chunk."""
+        """Return the rotations at all samples, shape (n, 3, 3); those of the last chunk if the body rests."""
         linear = self._poses[:, :3, :3]
         if self._turned is None or not (self._turned_here or np.array_equal(linear, self._turned[0])):
             self._turned = linear.copy(), _rotations(linear)
@@ -145,7 +155,7 @@ class PosedBody:
 
 
 def _rotations(linear: Array) -> Array:
-    """Return rotations of poses, shape (n, 3, 3); flat ones, which nobody asks for, have none."""
+    """Return the rotations of linear maps, shape (n, 3, 3); identities for singular maps."""
     flat = singular(linear)
     if flat.any():
         linear = np.where(flat[:, None, None], np.eye(3), linear)

@@ -1,4 +1,4 @@
-"""PosedScene: the fingers of a scene and all that they may touch, chunk after chunk; every finger asks the same one."""
+"""PosedScene: fingers and bodies of a scene at the samples of a chunk, common to all fingers."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from .surfaces import bounds_in_world, boxes_in_world
 
 
 class PosedScene:
-    """A scene's fingers and bodies in one chunk at a time.
+    """Fingers and bodies of a scene in the present chunk.
 
     Args:
-        bodies: headers of the objects that may be touched.
-        deforms: as in `PosedBody`, of each; None where only the surfaces that deform come with the chunks.
+        bodies: headers of the bodies that may be touched.
+        deforms: whether each surface may change, see `PosedBody`; None if chunks contain only surfaces that deform.
 
     Attributes:
-        chunk: the one that was taken last.
+        chunk: the present chunk.
     """
 
     chunk: Chunk
@@ -35,16 +35,17 @@ class PosedScene:
         told = [None] * len(bodies) if deforms is None else deforms
         self._bodies = [PosedBody(body, d) for body, d in zip(bodies, told, strict=True)]
         self._turns: Array | None = None
-        self._bounds: tuple[Array, Array] | None = None  # of the bodies over the chunk
-        self._asked: dict[bytes, tuple[Array, Array, NDArray[np.bool_]]] = {}  # by bodies: fingers ask for the same
+        self._bounds: tuple[Array, Array] | None = None  # bounds of the bodies over the chunk
+        self._asked: dict[bytes, tuple[Array, Array, NDArray[np.bool_]]] = {}  # boxes by set of bodies
         self._previous: Array | None = None  # the fingers' poses at the sample before the chunk
 
     def take(self, chunk: Chunk, bodies: Sequence[Body] | None = None, *, again: bool = False) -> None:
-        """Go on to a chunk.
+        """Take a chunk.
 
         Args:
-            bodies: their headers, where parameters may have been edited since.
-            again: it stands for the last chunk once more.
+            chunk: the chunk.
+            bodies: new headers of the bodies if parameters were edited; None keeps them.
+            again: whether the chunk replaces the last one.
         """
         if not again and hasattr(self, "chunk"):
             self._previous = self.chunk.fingers[:, -1]
@@ -64,12 +65,12 @@ class PosedScene:
         if self._turns is None:
             linear = self.chunk.fingers[:, :, :3, :3]
             turns = rotations(linear.reshape(-1, 3, 3)).reshape(linear.shape)
-            # how matrices lie in memory decides the last digit of their products: it is the same in chunks of any size
+            # The memory layout of matrices affects the rounding of their products. It must not depend on the chunk.
             self._turns = np.ascontiguousarray(turns)
         return self._turns
 
     def own_boxes(self, b: int) -> Array:
-        """Return a body's box in its own space at every sample [m], shape (n, 2, 3), or (1, 2, 3) where it is rigid.
+        """Return a body's boxes in its own space [m], shape (n, 2, 3), or (1, 2, 3) for a rigid body.
 
         Raises:
             DermisError: a deforming object has no surface.
@@ -77,7 +78,7 @@ class PosedScene:
         return self._bodies[b].boxes()
 
     def within(self, low: Array, high: Array) -> Indices:
-        """Return the bodies that may come between two corners in the chunk [m], shape (3,) each.
+        """Return the bodies that may enter the box between two corners in the chunk [m], shape (3,) each.
 
         Raises:
             DermisError: a deforming object has no surface.
@@ -89,9 +90,14 @@ class PosedScene:
         return np.flatnonzero(((self._bounds[0] <= high) & (self._bounds[1] >= low)).all(axis=1))
 
     def boxes(self, bodies: Indices) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return middle and half size of bodies' boxes in the world at every sample [m], shape (k, n, 3) each.
+        """Return the bounding boxes of bodies in the world at every sample.
 
-        The third, (k, n), tells when bodies are scaled to 0 or flat, and cannot be touched.
+        Args:
+            bodies: indices of the bodies, shape (k,).
+
+        Returns:
+            Centre and half size of each box [m], shape (k, n, 3) each, and whether the body has a scale of 0 along an
+            axis, shape (k, n), so that it cannot be touched.
         """
         key = bodies.tobytes()
         if key not in self._asked:
@@ -104,17 +110,23 @@ class PosedScene:
         return self._asked[key]
 
     def at(self, b: int, i: int) -> Posed:
-        """Return a body at a sample, at which it is not flat, in the world."""
+        """Return body `b` at sample `i` in the world; its scale there must not be 0."""
         return self._bodies[b].at(i)
 
     def mesh_at(self, b: int, i: int) -> Mesh:
-        """Return the mesh that a body has at a sample."""
+        """Return the mesh of body `b` at sample `i`."""
         mesh = self.chunk.surfaces[b][i] if b in self.chunk.surfaces else self._headers[b].mesh
         assert mesh is not None  # `boxes` refused it
         return mesh
 
     def relative(self, turn: Array, place: Array, bodies: Sequence[int]) -> dict[int, RelativePoses]:
-        """Return bodies at all samples, seen from a finger of rotations (n, 3, 3) and places [m], shape (n, 3)."""
+        """Return the poses of bodies in a finger's frame at all samples, by the index of the body.
+
+        Args:
+            turn: rotations of the finger to the world, shape (n, 3, 3).
+            place: positions of the finger in the world [m], shape (n, 3).
+            bodies: indices of the bodies.
+        """
         if not bodies:
             return {}
         poses, back = self.chunk.bodies[list(bodies)], np.swapaxes(turn, 1, 2)
@@ -122,7 +134,7 @@ class PosedScene:
         return {b: RelativePoses(*seen) for b, *seen in zip(bodies, back @ poses[:, :, :3, :3], moved, strict=True)}
 
     def finger_before(self, f: int, i: int) -> tuple[Array, Array] | None:
-        """Return a finger's rotation (3, 3) and place [m] at the sample before sample `i`; None where none was."""
+        """Return rotation and position of finger `f` at the sample before sample `i`; None if there is none."""
         if i > 0:
             return self.turns()[f, i - 1], self.chunk.fingers[f, i - 1, :3, 3]
         if self._previous is None:
@@ -130,18 +142,25 @@ class PosedScene:
         return rotations(self._previous[f : f + 1, :3, :3])[0], self._previous[f, :3, 3]
 
     def seen_before(self, turn: Array, place: Array, b: int, i: int) -> ContactBody | None:
-        """Return a body at the sample before sample `i`, as `seen_from` does; None where it is not known."""
+        """Return body `b` at the sample before sample `i`, see `seen_from`; None if it is not known."""
         posed = self._bodies[b].before(i)
         return None if posed is None else _seen(posed, turn, place)
 
     def seen_from(self, turn: Array, place: Array, b: int, i: int) -> ContactBody:
-        """Return a body at a sample, in the frame of a finger with this rotation (3, 3) and place [m] in the world."""
+        """Return body `b` at sample `i` in a finger's frame.
+
+        Args:
+            turn: rotation of the finger to the world, shape (3, 3).
+            place: position of the finger in the world [m], shape (3,).
+            b: index of the body.
+            i: index of the sample.
+        """
         posed = self._bodies[b].at(i)
         stiffness = self._value(b, i, "surface_stiffness")
         return _seen(posed, turn, place, self._value(b, i, "friction"), 1.0 / stiffness if stiffness > 0 else 0.0)
 
     def settings(self, b: int) -> Array:
-        """Return a body's friction and stiffness [Pa/m] at every sample, shape (n, 2); nan where it deforms."""
+        """Return a body's friction and stiffness [Pa/m] at every sample, shape (n, 2); nan for a deforming body."""
         count = len(self.chunk.times)
         if b in self.chunk.surfaces:
             return np.full((count, 2), np.nan)
@@ -149,12 +168,12 @@ class PosedScene:
         return np.stack([np.broadcast_to(values, count) for values in series], axis=1)
 
     def _series(self, b: int, name: str) -> Array | float:
-        """Return a body's parameter: its animated values, shape (n,), its constant value, or the default."""
+        """Return a parameter of a body: animated values, shape (n,), or the constant or default value."""
         series = self.chunk.animated.get(f"body/{b}/{name}")
         return float(self._headers[b].parameters.get(name, BODY[name].absent)) if series is None else series
 
     def _value(self, b: int, i: int, name: str) -> float:
-        """Return a body's parameter at a sample."""
+        """Return a parameter of body `b` at sample `i`."""
         series = self._series(b, name)
         return series if isinstance(series, float) else float(series[i])
 

@@ -1,4 +1,4 @@
-"""Resultants: the sums of a skin's contact forces at every sample, as series and as a CSV file."""
+"""Resultants: total contact forces on a skin at every sample, as series and as CSV."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..parameters.error_bands import error_band
 from .skin_contact import SkinContact
 
 VERSION = 2
-# Column -> unit, in the order of the file.
+# Unit of each column, in the order of the file.
 COLUMNS = {
     "frame": "1",
     "time": "s",
@@ -37,11 +37,11 @@ COLUMNS = {
 
 
 def resultants(skin_contact: SkinContact) -> dict[str, Array]:
-    """Return series by the names of `COLUMNS`, in SI and in the finger's frame, shape (n,) each.
+    """Return the series of `COLUMNS` by name, in SI units and in the finger's frame, shape (n,) each.
 
-    `force` is the sum on the skin; `centre` is the mean of the undeformed pad nodes weighted by the force into the
-    skin, nan without contact. `stress_error` and `force_error` are how far the model of tissue is off at that depth and
-    slide in half of all touches, simulated (see `error_band`); nan without contact.
+    'force' is the total force on the skin. 'centre' is the mean position of the undeformed pad nodes, weighted with the
+    force into the skin. 'stress_error' and 'force_error' are the errors of the tissue model at this depth and slide:
+    the median of simulated touches, see `error_band`. The last three are nan without contact.
     """
     n = len(skin_contact.times)
     total, centre = np.zeros((n, 3)), np.full((n, 3), np.nan)
@@ -68,7 +68,12 @@ def resultants(skin_contact: SkinContact) -> dict[str, Array]:
 
 
 def dumps(skin_contact: SkinContact, meta: Mapping[str, str] | None = None) -> str:
-    """Return the resultants as CSV text: comments with their origin, names with units, one row a sample."""
+    """Return the resultants as CSV text: comments with their origin, names with units, one row for each sample.
+
+    Args:
+        skin_contact: the touch.
+        meta: further comments, by name.
+    """
     out = io.StringIO()
     out.write(f"# dermis-resultants {VERSION}\n")
     own = {"tissue": skin_contact.model.tissue, "frame of reference": "finger: +Y to the tip, +Z to the nail"}
@@ -82,7 +87,7 @@ def dumps(skin_contact: SkinContact, meta: Mapping[str, str] | None = None) -> s
 
 
 def write(skin_contact: SkinContact, path: Path, meta: Mapping[str, str] | None = None) -> None:
-    """Write the resultants as CSV, whole or not at all.
+    """Write the resultants to a CSV file; after an error the file is unchanged.
 
     Raises:
         DermisError: the file cannot be written.

@@ -1,4 +1,4 @@
-"""Consecutive samples after the broad phase."""
+"""SampleWindow: consecutive samples after the broad phase."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from ..arrays import Array
 from ..scene.tactile_scene import Chunk, Mesh
 from .proximity import RelativePoses
 
-# Stands for the surface of a deforming body in samples that no finger needs it in.
+# Placeholder for the surface of a deforming body in samples at which it is near no finger.
 NO_MESH = Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
 
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """One finger over consecutive samples.
+    """One finger and the bodies near it over consecutive samples.
 
     Attributes:
-        near: body -> in which samples it is near the finger, shape (n,); only bodies that ever are.
+        near: whether each body is near the finger at each sample, shape (n,), by the index of the body. Only bodies
+            that are near at some sample are contained.
         turn: rotation from the finger to the world, shape (n, 3, 3).
         place: position of the pad's centre in the world [m], shape (n, 3).
         poses: poses of those bodies in the finger's frame.
@@ -35,19 +36,24 @@ class Approach:
     boxes: Mapping[int, Array]
 
     def close(self, i: int) -> set[int]:
-        """Return the bodies that are near at a sample."""
+        """Return the bodies that are near at sample `i`."""
         return {b for b, inside in self.near.items() if inside[i]}
 
 
 @dataclass(frozen=True, eq=False)
 class SampleWindow:
-    """Consecutive samples of all fingers that are solved, by their index, after the broad phase."""
+    """Consecutive samples after the broad phase.
+
+    Attributes:
+        chunk: the samples.
+        fingers: bodies near each finger, by the index of the finger.
+    """
 
     chunk: Chunk
     fingers: Mapping[int, Approach]
 
     def lighter(self) -> SampleWindow:
-        """Return samples without the surfaces that no finger is near, so that they may be kept."""
+        """Return the samples without surfaces that are near no finger, to save memory."""
         chunk = self.chunk
         surfaces = {}
         for b, meshes in chunk.surfaces.items():

@@ -1,4 +1,4 @@
-"""SingleTouch: one surface that is pressed into a skin without a scene, by the same steps as in a bake."""
+"""SingleTouch: contact of one body with a skin without a scene, solved as in a bake."""
 
 from __future__ import annotations
 
@@ -21,17 +21,18 @@ from .solver.bodies import ContactBody
 from .solver.path_solver import PathStep
 from .solver.point_solver import PointSolver
 
-STEP = 0.1e-3  # from pose to pose: friction remembers the way, and a bake of 24 mm/s at 240 Hz takes the same steps [m]
+STEP = 0.1e-3  # longest step [m], since friction depends on the path; the same as in a bake of 24 mm/s at 240 Hz
 
 
 class SingleTouch:
-    """A body that touches a finger's undeformed skin from below, and is moved from there.
+    """Contact of a body that starts at first touch with a finger's undeformed skin, and is moved from there.
 
     Args:
         skin: model of the finger's skin.
         body: the body in the finger's axes; its position along Z does not matter.
         name: name for findings.
-        contact: at the 'nodes' of the skin's mesh, or on 'points' of the smooth skin, where it has one.
+        contact: 'nodes' to solve at the nodes of the skin's mesh, or 'points' for points of the smooth skin, if it has
+            one.
 
     Attributes:
         place: present position of the body [m], shape (3,).
@@ -39,7 +40,7 @@ class SingleTouch:
         pad: the smooth pad; None if contact is solved at nodes.
 
     Raises:
-        DermisError: an unknown contact, or a body that does not meet the pad.
+        DermisError: the name of the contact is unknown, or the body does not meet the pad.
     """
 
     def __init__(self, skin: SkinModel, body: ContactBody, name: str, contact: str = CONTACT) -> None:
@@ -54,7 +55,7 @@ class SingleTouch:
         self.step = self._bone.step([start], 0.0, lambda: [lowered(start, CLOSE)]).step
 
     def move(self, way: Sequence[float] | Array) -> PathStep:
-        """Move the body along a straight line [m], shape (3,), in steps; return the contact at its end."""
+        """Move the body along a vector [m], shape (3,), in steps; return the contact at the end."""
         way, start = np.asarray(way, np.float64), self.place
         parts = int(np.ceil(np.linalg.norm(way) / STEP * (1.0 - 1e-9)))
         for part in range(1, parts + 1):
@@ -66,7 +67,7 @@ class SingleTouch:
 
     @property
     def points(self) -> PointForces | None:
-        """The forces where they act, on points of the smooth skin; None at nodes."""
+        """Forces on points of the smooth skin; None if contact is solved at nodes."""
         solver, force = self._bone.solver, self.step.solution.force
         if self.pad is None or not isinstance(solver, PointSolver):
             return None
@@ -75,7 +76,7 @@ class SingleTouch:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """The findings that a bake would have, without frames, which are of scenes."""
+        """Findings as of a bake, without frames."""
         coarse = () if self._coarse is None else self._coarse.findings
         found = (*self._told, *self._bone.solver.findings, *self._bone.findings, *coarse)
         return tuple(replace(finding, frame=None) for finding in found)

@@ -1,7 +1,7 @@
-"""The touch on a skin over a scene as plain arrays: for stored results, and from one process to another.
+"""Conversion of the touch on a skin to plain arrays and back, for files and other processes.
 
-Displacement and stress are not kept: they follow from the forces, and of skin that stiffens from what its contact found
-beside them (`Stimulus.given`).
+Displacement and stress are not stored, because they follow from the forces. On nonlinear skin they also need the
+correction of the contact, which is stored too (`Stimulus.given`).
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from .skin_contact import PointRecord, SkinContact
 
 POINTS = ("starts", "cells", "force")
 SERIES = ("times", "frames", "normal_force", "tangential_force", "depth", "lift", "sticking", "slipping")
-LATER = ("amounts", "slide")  # not in every version's results, or not of every skin
+LATER = ("amounts", "slide")  # missing in results of earlier versions, or for some skins
 
 
 def arrays_of(touch: SkinContact) -> dict[str, NDArray[Any]]:
-    """Return the touch on a skin, without its model, findings and skipped parts."""
+    """Return the touch on a skin as arrays by name, without its model, findings and counts of skipped work."""
     arrays: dict[str, NDArray[Any]] = {
         "contact": np.asarray(touch.contact, np.int32),
         "force": np.asarray(touch.force, np.float32),
@@ -37,12 +37,15 @@ def arrays_of(touch: SkinContact) -> dict[str, NDArray[Any]]:
 def touch_of(
     model: SkinModel, arrays: Mapping[str, NDArray[Any]], findings: tuple[Finding, ...], skipped: Mapping[str, int]
 ) -> SkinContact:
-    """Return the touch on a skin, from the arrays of `arrays_of`.
+    """Return the touch on a skin from the arrays of `arrays_of`.
 
-    Forces on points are left out where the model's smooth pad is gone, or has become another.
+    Forces on points are left out if the model has no smooth pad, or one with fewer cells.
 
     Args:
-        model: the same skin, made again.
+        model: model of the same skin.
+        arrays: arrays by name.
+        findings: findings of the touch.
+        skipped: counts of skipped work, by name.
     """
     series: dict[str, Any] = {name: arrays[name] for name in SERIES}
     return SkinContact(

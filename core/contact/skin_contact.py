@@ -1,4 +1,4 @@
-"""The touch on one finger's skin: at one sample, and over a scene."""
+"""Touch on one finger's skin, at one sample and over a whole scene."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from .packed_forces import PackedForces, PackedPoints, SpreadForces
 
 @dataclass(frozen=True, eq=False)
 class SkinStep:
-    """The touch on one finger's skin at one sample.
+    """Touch on one finger's skin at one sample.
 
     Attributes:
-        force: on the pad nodes in the finger's frame [N], shape (m, 3).
-        normal_force, tangential_force: total over the pad [N].
-        depth: how deep the undeformed skin is in an object, 0 without contact [m].
-        lift: how far the bone gave way (compliant touch depth) [m].
-        sticking, slipping: number of nodes.
-        work: kind of work that the solver did, see `PathStep`, or 'between' or 'baked'.
-        converged: whether the sample passed its check.
-        points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
+        force: forces on the pad nodes in the finger's frame [N], shape (m, 3).
+        normal_force, tangential_force: total forces on the pad [N].
+        depth: penetration of the undeformed skin, 0 without contact [m].
+        lift: displacement of a compliant bone [m].
+        sticking, slipping: number of sticking and of slipping nodes.
+        work: kind of work of the solver, see `PathStep`; 'between' if interpolated, 'baked' if read from a bake.
+        converged: whether the residual of contact is within the tolerance.
+        points: forces on points of the smooth skin; None if contact is solved at nodes.
         amounts: displacement of the pad in linear skin minus that in nonlinear skin [m], see `Stimulus.given`; None for
             linear skin.
-        slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m].
+        slide: mean tangential displacement of the loaded skin by friction, see `PathStep.slide` [m].
     """
 
     force: Array
@@ -56,9 +56,9 @@ class PointRecord:
 
     Attributes:
         surface: the smooth pad.
-        starts: where each sample in contact begins in the others, and their length, shape (k + 1,).
-        cells: indices of the pad's cells, shape (n,), int32.
-        force: force on each of them [N], shape (n, 3), float32.
+        starts: index in `cells` and `force` at which each sample in contact begins, and their length, shape (k + 1,).
+        cells: indices of the loaded cells of the pad, int32, shape (n,).
+        force: force on each of them [N], float32, shape (n, 3).
     """
 
     surface: SurfaceCompliance
@@ -74,27 +74,27 @@ class PointRecord:
 
 @dataclass(frozen=True, eq=False)
 class SkinContact:
-    """The touch on one finger's skin over a scene.
+    """Touch on one finger's skin over a whole scene.
 
     Attributes:
-        model: the skin.
+        model: model of the skin.
         times: time of each sample [s], shape (n,).
         frames: scene frame of each sample, shape (n,).
-        contact: samples in which the skin touches, rising, shape (k,).
-        held: the forces on the pad nodes in the finger's frame in those samples [N], shape (k, m, 3), float32; of a
-            finished bake packed. `force` is the array.
-        normal_force, tangential_force: total over the pad [N], shape (n,).
-        depth: how deep the undeformed skin is in an object, 0 without contact [m], shape (n,).
-        lift: how far the bone gave way (compliant touch depth) [m], shape (n,).
-        sticking, slipping: number of nodes, shape (n,).
-        findings: samples that did not converge or were too deep.
-        skipped: parts that were not computed, by name.
-        points: the same forces where they act, on points of the smooth skin: stress near the skin is read from them.
-            None where contact was solved on nodes.
-        given: amounts of tissue that stiffens at the samples in contact, see `Stimulus.given`, float32, shape (k, a);
-            of a finished bake packed. `amounts` is the array. None of linear skin.
-        slide: how far friction has drawn the loaded skin along itself, see `PathStep.slide` [m], shape (n,); None in
-            results of versions that did not measure it.
+        contact: indices of the samples in contact, rising, shape (k,).
+        held: forces on the pad nodes in the finger's frame at these samples [N], float32, shape (k, m, 3); packed in a
+            finished bake. `force` is always the array.
+        normal_force, tangential_force: total forces on the pad [N], shape (n,).
+        depth: penetration of the undeformed skin, 0 without contact [m], shape (n,).
+        lift: displacement of a compliant bone [m], shape (n,).
+        sticking, slipping: number of sticking and of slipping nodes, shape (n,).
+        findings: findings about the touch.
+        skipped: counts of work that was left out, by name.
+        points: forces on points of the smooth skin, from which the stress near the skin is computed; None if contact
+            was solved at nodes.
+        given: correction of nonlinear skin at the samples in contact [m], see `Stimulus.given`, float32, shape (k, 3
+            m); packed in a finished bake. `amounts` is always the array. None for linear skin.
+        slide: mean tangential displacement of the loaded skin by friction, see `PathStep.slide` [m], shape (n,); None
+            in results of earlier versions.
     """
 
     model: SkinModel
@@ -119,22 +119,22 @@ class SkinContact:
 
     @property
     def pressed(self) -> SkinModel:
-        """The skin as it was touched: devices are solved on points, or at nodes, as the touch was."""
+        """Model of the skin for devices, which are solved on points or at nodes like the touch."""
         return self.model.on_nodes if self.points is None else self.model
 
     @property
     def force(self) -> NDArray[np.float32]:
-        """The forces on the pad nodes in the samples in contact [N], shape (k, m, 3); unpacked anew each time."""
+        """Forces on the pad nodes at the samples in contact [N], shape (k, m, 3); unpacked at each use."""
         return np.asarray(self.held)
 
     @property
     def amounts(self) -> NDArray[np.float32] | None:
-        """Amounts of tissue that stiffens, of the samples in contact, shape (k, a); unpacked anew each time."""
+        """Correction of nonlinear skin at the samples in contact [m], shape (k, 3 m); unpacked at each use."""
         return None if self.given is None else np.asarray(self.given).reshape(len(self.contact), -1)
 
     @property
     def nbytes(self) -> int:
-        """How much memory its arrays take, without the model."""
+        """Size of its arrays in memory, without the model [bytes]."""
         arrays = [value for value in self.__dict__.values() if isinstance(value, np.ndarray | PackedForces)]
         if isinstance(self.points, PackedPoints):
             arrays.append(self.points.packed)
@@ -143,9 +143,9 @@ class SkinContact:
         return sum(array.nbytes for array in arrays)
 
     def packed(self) -> SkinContact:
-        """Return the same in a tenth of the memory, for whom it is kept; see `PackedForces` for what forces lose.
+        """Return the same touch in a tenth of the memory, with forces rounded as by `PackedForces`.
 
-        Forces on nodes are then those of the points, brought to the nodes.
+        If there are forces on points, those on nodes are then computed from them.
         """
         if not isinstance(self.held, np.ndarray):
             return self
@@ -169,14 +169,14 @@ class SkinContact:
         return np.zeros((self.model.pad_count, 3)) if at is None else self.held[at].astype(np.float64)
 
     def points_at(self, sample: int) -> PointForces | None:
-        """Return the forces of one sample where they act; None without contact, or where it was solved on nodes."""
+        """Return the forces of one sample on points; None without contact, or if it was solved at nodes."""
         at = self._place_of(sample)
         if at is None or self.points is None:
             return None
         return replace(self.points.at(at), amounts=self.amounts_at(sample))
 
     def amounts_at(self, sample: int) -> Array | None:
-        """Return the amounts of tissue that stiffens at one sample, shape (a,); None without contact, or linear."""
+        """Return the correction at one sample [m], shape (3 m,); None without contact and for linear skin."""
         at = self._place_of(sample)
         return None if at is None or self.given is None else self.given[at].astype(np.float64).ravel()
 
@@ -185,7 +185,7 @@ class SkinContact:
         return Stimulus(self.model, self.force_at(sample), self.points_at(sample), self.amounts_at(sample))
 
     def at(self, sample: int) -> SkinStep:
-        """Return the touch at one sample; it converged where no sample failed to."""
+        """Return the touch at one sample; it counts as converged if all samples have."""
         return SkinStep(
             self.force_at(sample),
             float(self.normal_force[sample]),

@@ -1,4 +1,4 @@
-"""One finger's skin while a scene is swept: its touch so far, and all of it at the end."""
+"""SkinRecord: touch on one finger's skin during a sweep."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _NOTHING = (0.0, 0.0, 0.0, 0.0, 0, 0, 0.0)
 
 
 class SkinRecord:
-    """Forces of the samples in contact, and a few numbers of every sample."""
+    """Forces of the samples in contact so far, and a few numbers of every sample."""
 
     def __init__(self) -> None:
         self._contact: list[int] = []
@@ -28,7 +28,7 @@ class SkinRecord:
         self._scalars: list[tuple[float, float, float, float, int, int, float]] = []
 
     def nothing(self, count: int = 1) -> None:
-        """Take samples in which nothing is near."""
+        """Take `count` samples in which nothing is near."""
         self._scalars.extend([_NOTHING] * count)
 
     def keep(self, step: SkinStep) -> None:
@@ -53,7 +53,15 @@ class SkinRecord:
         findings: tuple[Finding, ...],
         skipped: Mapping[str, int],
     ) -> SkinContact:
-        """Return the whole, at the sweep's times [s] and frames, shape (n,), with the smooth pad where it has one."""
+        """Return the touch over the whole sweep.
+
+        Args:
+            model: model of the skin.
+            surface: smooth pad on which contact was solved; None for nodes.
+            times, frames: time [s] and scene frame of each sample, shape (n,).
+            findings: findings about the touch.
+            skipped: counts of work that was left out, by name.
+        """
         scalars = np.array(self._scalars, dtype=np.float64).reshape(-1, 7)
         return SkinContact(
             model=model,

@@ -1,13 +1,13 @@
-"""SkinSampler: from chunks of poses to the contact forces on every finger's skin, frame after frame.
+"""SkinSampler: contact forces on every finger's skin, from chunks of poses.
 
-It is the same broad phase as the pads' (`PadSampler`), about the whole fingertip instead of its centre: a finger and
-a body whose boxes never come together in a chunk cost nothing more. Where they do, `Strides` leads a `SkinStepper`
-through the samples, one by one or a few at once. Kept are the forces of the frames in contact, in single precision;
-all else (displacement, stress) follows from them when somebody asks.
+The broad phase is that of the pads (`PadSampler`), for the whole fingertip instead of its centre: pairs of a finger and
+a body whose bounding boxes do not meet in a chunk are skipped. For the others, `Strides` leads a `SkinStepper` through
+the samples. The forces of the samples in contact are stored in single precision. Displacement and stress are computed
+from them on demand.
 
-What fingers hold together is solved together: the contacts on it sum to m (a - g). Its acceleration is known only when
-the whole path is, so from the chunk on in which a finger comes near such a body the poses are kept, and `solve_held`
-goes through them at the end.
+The contacts of fingers that hold a body are solved together, because their sum must equal m (a - g). The acceleration
+of the body is known only after the whole sweep. From the chunk in which a finger first comes near a body that may be
+held, the poses are therefore stored, and `solve_held` solves them at the end.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ __all__ = ["SkinSampler", "SkinContact"]
 
 
 class SkinSampler:
-    """Solves the contact of the fingers that need it, one chunk after the other.
+    """Solves the contact of fingers, one chunk after the other.
 
     Args:
-        scene: its header; the chunks are handed to `add`.
-        skins: finger index -> its skin. Other fingers are left alone.
-        tolerance: largest residual that the contact solver accepts, see `Solution.residual`.
+        scene: the scene's header; its chunks are passed to `add`.
+        skins: models of the fingers' skins, by the index of the finger. Other fingers are not solved.
+        tolerance: largest residual of the contact solver, see `Solution.residual`; None for its default.
 
     Raises:
-        DermisError: a touch depth that is unknown, or a spring or force limit that is not above zero.
+        DermisError: the mode of a touch depth is unknown, or a spring or force limit is not above zero.
     """
 
     def __init__(self, scene: TactileScene, skins: Mapping[int, SkinModel], *, tolerance: float | None = None) -> None:
@@ -59,13 +59,13 @@ class SkinSampler:
         self._frames: list[Array] = []
         self._times: list[Array] = []
         self._waits = False
-        self._cuts: Regrouped | None = None  # it is known with the first chunk
+        self._cuts: Regrouped | None = None  # made at the first chunk
         self._strides: dict[int, Strides] = {}
         self._kept: list[SampleWindow] = []
-        self._held_findings: dict[int, tuple[Finding, ...]] = {}  # said once, of the first finger that meets it
+        self._held_findings: dict[int, tuple[Finding, ...]] = {}  # by the first finger of a lot
 
     def add(self, chunk: Chunk) -> None:
-        """Take in the next samples."""
+        """Take the next samples."""
         if not len(chunk.times):
             return
         if self._cuts is None:
@@ -74,16 +74,16 @@ class SkinSampler:
             self._add(whole)
 
     def _begun(self, chunk: Chunk) -> Regrouped:
-        """Look at the first chunk for properties of the whole sweep; return how it is cut."""
+        """Determine properties of the sweep from its first chunk; return the division of the sweep into chunks."""
         holds = any(can_be_held(self._scene, b, chunk.animated) for b in range(len(self._scene.bodies)))
-        # points of the smooth skin cannot hold: whether a finger does must be known before its first sample
+        # Contact on points cannot be balanced. Whether a finger holds a body must be known before its first sample.
         self._waits = holds and any(stepper.on_points for stepper in self._steppers.values())
         for f, stepper in self._steppers.items():
             self._strides[f] = Strides(stepper, longest(self._scene.rate) if stepper.strides else 1)
         return Regrouped(max((strides.count for strides in self._strides.values()), default=1))
 
     def _add(self, chunk: Chunk) -> None:
-        """Take in samples up to where strides may end."""
+        """Take samples up to an end of strides."""
         self._posed.take(chunk)
         window = SampleWindow(chunk, {f: stepper.approach() for f, stepper in self._steppers.items()})
         self._frames.append(chunk.frames)
@@ -101,21 +101,24 @@ class SkinSampler:
                 self._records[f].keep(step)
 
     def _end(self) -> None:
-        """Take in the remaining samples at the end of the sweep."""
+        """Take the remaining samples at the end of the sweep."""
         for rest in [] if self._cuts is None else self._cuts.rest():
             self._add(rest)
 
     def solve_held(self, pad_contact: PadContact) -> Iterator[int]:
-        """Solve the samples that were kept because something may be held in them; yield their number now and then.
+        """Solve the stored samples, in which a body may be held.
 
         Args:
-            pad_contact: contact of the pads over the whole range. It has the frames in which a body is held, and the
-                body's acceleration.
+            pad_contact: contact of the pads over the whole range. It determines the samples at which a body is held,
+                and the body's acceleration.
+
+        Yields:
+            Number of finished samples of the whole range, at every tenth.
         """
         self._end()
         done = sum(len(t) for t in self._times) - sum(len(s.chunk.times) for s in self._kept)
         scene = self._scene
-        met = {b for f, b in pad_contact.pairs if f in self._steppers}  # by others alone: nothing here carries it
+        met = {b for f, b in pad_contact.pairs if f in self._steppers}  # other bodies are not balanced
         candidates = {b for s in self._kept for b in met if may_be_held(scene, b, s.chunk)}
         balanced = [f for f in sorted(self._balanced_with(pad_contact, candidates)) if self._steppers[f].on_points]
         for f in balanced:
@@ -144,10 +147,11 @@ class SkinSampler:
         """Return the touch on every finger's skin.
 
         Args:
-            pad_contact: needed where something may be held and `solve_held` was not drained.
+            pad_contact: contact of the pads over the whole range, needed if a body may be held and `solve_held` was not
+                completed.
 
         Raises:
-            DermisError: something may be held, and no contact of the pads tells whether it is.
+            DermisError: a body may be held, and `pad_contact` is missing.
         """
         self._end()
         if self._kept:
@@ -167,7 +171,7 @@ class SkinSampler:
         return any(may_be_held(self._scene, b, window.chunk) for b in close)
 
     def _balanced_with(self, pad_contact: PadContact, candidates: Iterable[int]) -> set[int]:
-        """Return the fingers that ever meet a body that is held by fingers that all are solved."""
+        """Return the fingers that meet a body which is held by solved fingers alone at some sample."""
         found: set[int] = set()
         for b in candidates:
             fingers = range(len(self._scene.fingers))
@@ -193,7 +197,7 @@ class SkinSampler:
 
 
 def _held_on_nodes(names: list[str]) -> tuple[Finding, ...]:
-    """Return the finding of fingers that hold something, where contact was to be solved on points."""
+    """Return a finding if fingers whose contact should be solved on points hold something."""
     if not names:
         return ()
     what = "who holds something touches it at the nodes of the skin's mesh, a millimetre or two apart"
@@ -202,16 +206,17 @@ def _held_on_nodes(names: list[str]) -> tuple[Finding, ...]:
 
 
 def _may_touch(stepper: SkinStepper, pair: PairContact | None) -> bool:
-    """Return whether a body ever comes as near to the pad's centre as some of the pad is."""
+    """Return whether a body comes nearer to the pad's centre than the farthest point of the pad at some sample."""
     reach = float(np.sqrt((stepper.skin.positions**2).sum(axis=1).max()))
     return pair is not None and bool(pair.gap.min() < reach)
 
 
 def skin_contacts(scene: TactileScene, skins: Mapping[int, SkinModel]) -> dict[int, SkinContact]:
-    """Return the touch on skins over a whole scene; the pads' touch tells the held objects, and their acceleration.
+    """Return the touch on skins over a whole scene, by the index of the finger.
 
     Args:
-        skins: by finger index.
+        scene: the scene with its chunks.
+        skins: models of the skins, by the index of the finger.
     """
     pads, sampler = PadSampler(scene), SkinSampler(scene, skins)
     for chunk in scene.chunks:

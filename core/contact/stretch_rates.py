@@ -1,4 +1,4 @@
-"""How fast an object's scale and shear carry its surface along."""
+"""StretchRates: velocity of surfaces by changes of an object's scale and shear."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from .surfaces import alike
 
 
 class StretchRates:
-    """Follows the stretch of a scene's bodies from sample to sample.
+    """Rates of change of bodies' scale and shear, from sample to sample.
 
-    A body counts as stretching from the first sample on at which its stretch is another than where it was first
-    needed: what float32 matrices leave of a constant scale is no motion.
+    A body counts as changing from the first sample at which its stretch differs from the first one. The rounding of
+    single-precision matrices with a constant scale then does not count as motion.
     """
 
     def __init__(self) -> None:
@@ -30,16 +30,21 @@ class StretchRates:
         stretch: Array,
         before: tuple[float, Array] | None,
     ) -> Array | None:
-        """Return the velocity gradient of a body's carried space [1/s], shape (n, 3, 3): velocity = gradient @ point.
+        """Return the velocity gradient of a body's carried space [1/s], shape (n, 3, 3).
 
-        It is the change of the stretch since the sample before; zero where there is none. None where the body keeps
-        its scale.
+        The velocity of a point is gradient @ point. The gradient is the change of the stretch since the previous
+        sample, and zero without one.
 
         Args:
+            b: index of the body.
             times: time of each sample of the chunk [s], shape (n,).
             poses: object-to-world matrices, shape (n, 4, 4).
-            samples: those it is needed at, rising, shape (k,). stretch: there, shape (k, 3, 3).
-            before: time [s] and pose of the last sample before the chunk.
+            samples: indices of the samples at which it is needed, rising, shape (k,).
+            stretch: scale and shear at these samples, shape (k, 3, 3).
+            before: time [s] and pose of the last sample before the chunk; None if there is none.
+
+        Returns:
+            The gradient; None if the body keeps its scale.
         """
         first = self._first.setdefault(b, np.array(stretch[0]))
         start = 0

@@ -1,11 +1,11 @@
-"""Strides: of the samples of a sweep, those that contact is solved at; between them it goes in a straight line.
+"""Strides: choice of the samples at which contact is solved; others are interpolated.
 
-The touch on a skin depends on the way that objects move, not on the time it takes. A sweep has samples for its devices,
-hundreds a second, and between two a hand moves by some hundredths of a millimetre. So where all that is near a finger
-goes straight on, contact is solved a few samples further, and the forces between lie on the line between the two
-solutions. Where something comes, goes, turns back, deforms or changes its friction, where it is sharp or small, and
-where the touch is less deep than the stride is long, every sample is solved; where a stride ends on an object that
-its beginning did not know, it is taken back.
+Contact depends on the path of objects and not on time. A sweep has hundreds of samples in a second for its devices, and
+between two samples a hand moves by some hundredths of a millimetre. If all bodies near a finger move straight on,
+contact is solved only at the end of a stride of several samples, and forces between are interpolated linearly. Every
+sample is solved if a body appears, disappears, turns back, deforms or changes its friction, if it is sharp or small,
+and if the penetration is smaller than the stride. A stride whose end does not suit it, for example at an edge, is
+undone.
 """
 
 from __future__ import annotations
@@ -24,16 +24,17 @@ from .skin_contact import SkinStep
 from .skin_stepper import SkinStepper
 from .solver.sub_stepper import PRESSING
 
-# A stride takes no longer than this [s], and leads no farther [m]: a quarter of the spacing that skin is solved at.
+# Longest time of a stride [s], and largest movement in it [m], which is a quarter of the spacing of points on the skin.
 LONGEST, FARTHEST = 1 / 60, 0.2e-3
-# So much of the touch's depth may a way bend to the side: the force of a ball goes by the depth to 3/2, so this is half
-# a per cent of it, to which contact is solved. So much of it may it press. While some of the skin sticks, it may go so
-# much of depth times friction, which is about the way to full slip.
+# Largest deviation of a path from a straight line, relative to the penetration. The force of a ball is proportional to
+# the penetration to the power of 3/2, so that this is 0.5 % of the force, the tolerance of contact. Largest normal
+# movement, relative to the penetration. Largest movement while skin sticks, relative to penetration times friction,
+# which is about the movement to full slip.
 BENT, PRESSED, SHEARED = 1 / 300, 0.25, 0.5
 
 
 def longest(rate: float) -> int:
-    """Return how many samples a stride has at most, at a rate [1/s]: a power of two."""
+    """Return the largest number of samples of a stride at a sampling rate [1/s], a power of two."""
     count = 1
     while 2 * count <= LONGEST * rate * (1.0 + 1e-9):
         count *= 2
@@ -41,13 +42,14 @@ def longest(rate: float) -> int:
 
 
 class Stride(NamedTuple):
-    """A way that may be gone at once.
+    """Several samples of which contact may be solved at the last alone.
 
     Attributes:
-        shares: share of the way that is done at each of its samples.
-        travel: length of the way [m].
+        shares: share of the movement that is complete at each sample.
+        travel: length of the movement [m].
         pressed: its length along the finger's Z [m].
-        bent: how far it leaves a line [m]. friction: the least of the near objects.
+        bent: largest deviation from a straight line [m].
+        friction: smallest friction coefficient of the near bodies.
     """
 
     shares: list[float]
@@ -57,19 +59,20 @@ class Stride(NamedTuple):
     friction: float
 
     def suits(self, step: SkinStep) -> bool:
-        """Return whether the way is short against a touch at one of its ends."""
+        """Return whether the movement is short compared with the penetration of a touch at one of its ends."""
         short = self.bent <= BENT * step.depth and self.pressed <= PRESSED * step.depth and self.travel <= step.depth
         return short and (not step.sticking or self.travel <= SHEARED * self.friction * step.depth)
 
 
 class _Ways(NamedTuple):
-    """The bodies near a finger, in the samples of a chunk and in the one before it.
+    """Movement of the bodies near a finger, at the samples of a chunk and at the one before it.
 
     Attributes:
-        bodies: which, shape (b,). near: whether they are, shape (b, n + 1).
-        corners: corners of the pad's bounding box in the bodies' axes, shape (b, n + 1, 8, 3).
+        bodies: indices of the bodies, shape (b,).
+        near: whether each body is near at each sample, shape (b, n + 1).
+        corners: corners of the pad's bounding box in the bodies' own spaces, shape (b, n + 1, 8, 3).
         linear: linear part of the map from the bodies to the finger, shape (b, n + 1, 3, 3).
-        settings: friction and stiffness, shape (b, n + 1, 2), nan where they deform.
+        settings: friction and stiffness, shape (b, n + 1, 2); nan for deforming bodies.
     """
 
     bodies: list[int]
@@ -80,14 +83,14 @@ class _Ways(NamedTuple):
 
     @classmethod
     def of(cls, bodies: list[int], count: int) -> _Ways:
-        """Return those of bodies of which nothing is known yet, in so many samples and the one before."""
+        """Return the movement of bodies with unknown values, for `count` samples and the one before."""
         corners, linear, settings = (
             np.full((len(bodies), count + 1, *shape), np.nan) for shape in ((8, 3), (3, 3), (2,))
         )
         return cls(bodies, np.zeros((len(bodies), count + 1), bool), corners, linear, settings)
 
     def at_last(self) -> _Ways:
-        """Return the near objects at the last sample, in that alone."""
+        """Return the bodies that are near at the last sample, with this sample alone."""
         here = self.near[:, -1]
         bodies = [b for b, is_near in zip(self.bodies, here.tolist(), strict=True) if is_near]
         rows = self.corners[here, -1:], self.linear[here, -1:], self.settings[here, -1:]
@@ -102,7 +105,8 @@ class Strides:
         count: largest number of samples in a stride, a power of two.
 
     Attributes:
-        count: the same. between: how many samples were not solved.
+        count: largest number of samples in a stride.
+        between: number of interpolated samples so far.
     """
 
     def __init__(self, stepper: SkinStepper, count: int) -> None:
@@ -115,12 +119,12 @@ class Strides:
         self.between = 0
 
     def idle(self, count: int) -> None:
-        """Take samples in which nothing is near."""
+        """Take `count` samples in which nothing is near."""
         self._stepper.idle(count)
         self._last, self._before, self._number = None, _Ways.of([], 0), self._number + count
 
     def steps(self, approach: Approach, count: int) -> Iterator[SkinStep]:
-        """Yield the touch at each of a chunk's samples; every chunk but the last ends where strides may end."""
+        """Yield the touch at each sample of a chunk; each chunk but the last must end at an end of strides."""
         strides, i = self._strides(approach, count), 0
         self._number += count
         while i < count:
@@ -137,7 +141,7 @@ class Strides:
                 self.between += len(shares) - 1
                 yield from (between(last, self._last, share) for share in shares[:-1])
                 yield self._last
-            else:  # an edge or a bump has come meanwhile, or skin has come off, or begun to stick
+            else:  # an edge or a bump has appeared, or skin has lifted off or begun to stick
                 self._stepper.restore(state)
                 for k in range(len(shares)):
                     self._last = self._stepper.step(approach, i + k)
@@ -145,17 +149,17 @@ class Strides:
             i += len(shares)
 
     def _smooth(self, step: SkinStep) -> bool:
-        """Return whether a sample that was just solved touches a flat or gently curved object."""
+        """Return whether the sample solved last touches a flat or gently curved object."""
         return step.converged and bool(step.force.any()) and self._stepper.gentle
 
     def _chosen(self, last: SkinStep, strides: list[Stride]) -> Stride | None:
-        """Return the longest stride that is short against the touch of a flat or gently curved object."""
+        """Return the longest stride that suits the last touch, which must be of a flat or gently curved object."""
         if not strides or not self._smooth(last):
             return None
         return next((stride for stride in strides if stride.suits(last)), None)
 
     def _strides(self, approach: Approach, count: int) -> list[list[Stride]]:
-        """Return the strides that may begin with each sample, longest first."""
+        """Return the possible strides from each sample, the longest first."""
         found: list[list[Stride]] = [[] for _ in range(count)]
         if self.count == 1:
             return found
@@ -164,7 +168,7 @@ class Strides:
             return found
         self._before = ways.at_last()
         while n > 1:
-            starts = np.arange((1 - self._number) % n, count - n + 1, n)  # the sample before is a multiple of n
+            starts = np.arange((1 - self._number) % n, count - n + 1, n)  # sample before: a multiple of n
             for start, stride in zip(starts.tolist(), _straight(ways, starts[:, None] + np.arange(n + 1)), strict=True):
                 if 0.0 < stride.travel <= FARTHEST and stride.pressed <= PRESSING:
                     found[start].append(stride)
@@ -172,7 +176,7 @@ class Strides:
         return found
 
     def _ways(self, approach: Approach, count: int) -> _Ways:
-        """Return how all moves that is near in a chunk, or was at the sample before it."""
+        """Return the movement of all bodies that are near in a chunk or at the sample before it."""
         ways = _Ways.of(sorted({*approach.near, *self._before.bodies}), count)
         _, near, corners, linear, settings = ways
         for k, b in enumerate(ways.bodies):
@@ -194,10 +198,13 @@ class Strides:
 
 
 def _straight(ways: _Ways, rows: NDArray[np.intp]) -> list[Stride]:
-    """Return some ways as strides; their travel is inf where something comes or goes, deforms or changes its settings.
+    """Return paths as strides.
+
+    The travel of a stride is inf if a body appears, disappears, deforms or changes its settings in it.
 
     Args:
-        rows: the samples of each way, shape (k, n + 1).
+        ways: movement of the bodies.
+        rows: samples of each path, shape (k, n + 1).
     """
     near, settings, first = ways.near[:, rows], ways.settings[:, rows], rows[:, :1]
     there = np.asarray(near.any(axis=2))
@@ -219,7 +226,12 @@ def _straight(ways: _Ways, rows: NDArray[np.intp]) -> list[Stride]:
 
 
 def between(a: SkinStep, b: SkinStep, share: float) -> SkinStep:
-    """Return the touch between two samples, at a share of the way from the first to the second."""
+    """Interpolate the touch between two samples linearly; counts of nodes are those of the nearer one.
+
+    Args:
+        a, b: touches at the two samples.
+        share: 0 for the first sample, 1 for the second.
+    """
 
     def mixed(one: float, other: float) -> float:
         return (1.0 - share) * one + share * other
@@ -242,21 +254,21 @@ def between(a: SkinStep, b: SkinStep, share: float) -> SkinStep:
 
 
 def _points(a: PointForces | None, b: PointForces | None, share: float) -> PointForces | None:
-    """Return the forces of both, by their shares, on the cells of either."""
+    """Return the weighted sum of both forces, on the cells of either; None if both are None."""
     if a is None and b is None:
         return None
     parts = [(p, s) for p, s in ((a, 1.0 - share), (b, share)) if p is not None]
     cells, places = np.unique(np.concatenate([p.cells for p, _ in parts]), return_inverse=True)
     force, at = np.zeros((len(cells), 3)), 0
     for p, s in parts:
-        force[places.reshape(-1)[at : at + len(p.cells)]] += s * p.force  # no cell is there twice
+        force[places.reshape(-1)[at : at + len(p.cells)]] += s * p.force  # each touch has a cell at most once
         at += len(p.cells)
     amounts = _amounts(None if a is None else a.amounts, None if b is None else b.amounts, share)
     return PointForces(parts[0][0].surface, cells, force, amounts)
 
 
 def _amounts(a: Array | None, b: Array | None, share: float) -> Array | None:
-    """Return the amounts of tissue that stiffens; skin without touch has none."""
+    """Return the interpolated corrections of nonlinear skin; None counts as zero."""
     if a is None:
         return None if b is None else np.asarray(share * b)
     return np.asarray((1.0 - share) * a + (0.0 if b is None else share * b))

@@ -1,4 +1,4 @@
-"""Surfaces of a scene's meshes, in the space that an object carries them in: after its scale and shear."""
+"""Surfaces and bounding boxes of meshes, after an object's scale and shear."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from ..errors import DermisError
 from ..scene.tactile_scene import Body, Mesh
 from ..surface.gap import Surface
 
-# A surface is used again as long as its scale stays within this fraction (Blender's matrices are float32).
+# Relative difference below which two linear maps count as the same, since Blender's matrices are in single precision.
 SAME_STRETCH = 1e-5
-# Bounds are wider by this fraction than they come out: a few sums and products of numbers in double precision.
+# Relative margin of bounds for rounding errors in double precision.
 ROUNDING = 1e-14
-# Vertices that are taken together where a box is measured.
+# Number of vertices in a row when a bounding box is computed.
 ROW = 64
 
 _BOXES: weakref.WeakKeyDictionary[Mesh, Array] = weakref.WeakKeyDictionary()
@@ -24,18 +24,18 @@ _SURFACES: weakref.WeakKeyDictionary[Mesh, dict[bytes, Surface]] = weakref.WeakK
 
 
 def alike(stretch: Array, reference: Array) -> NDArray[np.bool_]:
-    """Return whether linear maps (..., 3, 3) equal another within the rounding of float32, shape (...)."""
+    """Return whether linear maps, shape (..., 3, 3), equal a reference within `SAME_STRETCH`, shape (...)."""
     off: Array = np.abs(stretch - reference).max(axis=(-2, -1))
     return off <= SAME_STRETCH * float(np.abs(reference).max())
 
 
 def surface_of(mesh: Mesh, stretch: Array | None = None) -> Surface:
-    """Return the surface of a mesh, kept for as long as the mesh lives.
+    """Return the surface of a mesh, which is kept as long as the mesh exists.
 
     Args:
-        mesh: in its object's own space [m].
-        stretch: a linear map to apply to the vertices first (an object's scale and shear, which a rigid motion
-            cannot carry), shape (3, 3).
+        mesh: mesh in its object's own space [m].
+        stretch: linear map by the object's scale and shear, which is applied to the vertices, shape (3, 3); None for
+            the identity.
 
     Raises:
         DermisError: see `Surface.build`.
@@ -48,14 +48,14 @@ def surface_of(mesh: Mesh, stretch: Array | None = None) -> Surface:
 
 
 def carried(mesh: Mesh, stretch: Array) -> Surface:
-    """Return a mesh's surface after a linear map, shape (3, 3); a mirror turns the faces over."""
+    """Return a mesh's surface after a linear map, shape (3, 3); a reflection reverses the faces."""
     stretch = np.asarray(stretch, dtype=np.float64)
     triangles = mesh.triangles[:, ::-1] if np.linalg.det(stretch) < 0.0 else mesh.triangles
     return Surface.build(mesh.vertices @ stretch.T, triangles)
 
 
 def box_of(mesh: Mesh) -> Array:
-    """Return the lower and upper corner of a mesh [m], shape (2, 3); measured once for as long as the mesh lives."""
+    """Return the lower and upper corner of a mesh [m], shape (2, 3), kept as long as the mesh exists."""
     if mesh not in _BOXES:
         _BOXES[mesh] = _box_of(mesh.vertices)
     return _BOXES[mesh]
@@ -63,7 +63,7 @@ def box_of(mesh: Mesh) -> Array:
 
 def _box_of(vertices: Array) -> Array:
     whole = len(vertices) // ROW * ROW
-    if whole:  # numpy takes ten times as long for extremes over short rows as over long ones
+    if whole:  # NumPy computes extremes over long rows ten times as fast as over short ones
         rows = vertices[:whole].reshape(-1, 3 * ROW)
         most = [extreme(rows, axis=0).reshape(ROW, 3) for extreme in (np.min, np.max)]
         vertices = np.concatenate([*most, vertices[whole:]])
@@ -71,10 +71,10 @@ def _box_of(vertices: Array) -> Array:
 
 
 def rigid_mesh(body: Body) -> Mesh:
-    """Return the surface of a body that came without one in the chunk.
+    """Return the mesh in a body's header.
 
     Raises:
-        DermisError: it deforms, and no chunk has its surface.
+        DermisError: the body deforms and has no mesh in its header.
     """
     if body.mesh is None:
         raise DermisError(
@@ -86,7 +86,7 @@ def rigid_mesh(body: Body) -> Mesh:
 
 
 def bounds_in_world(poses: Array, boxes: Array) -> tuple[Array, Array]:
-    """Return corners that bodies are between at all samples [m], shape (k, 3) each; a body may come less far.
+    """Return lower and upper bounds of bodies over all samples, not always tight [m], shape (k, 3) each.
 
     Args:
         poses: poses of the objects, shape (k, n, 4, 4).
@@ -101,7 +101,7 @@ def bounds_in_world(poses: Array, boxes: Array) -> tuple[Array, Array]:
 
 
 def boxes_in_world(poses: Array, boxes: Array) -> tuple[Array, Array]:
-    """Return middle and half size of upright boxes about boxes in their objects' spaces [m], shape (..., 3) each.
+    """Return centre and half size of world-aligned boxes around objects' own boxes [m], shape (..., 3) each.
 
     Args:
         poses: poses of the objects, shape (..., 4, 4).

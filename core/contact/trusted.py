@@ -1,7 +1,7 @@
-"""Trusted: how deep a finger may go into things, and how far it may be dragged, before its model of tissue is off.
+"""Range of penetration and slide within which a model of the tissue is trusted.
 
-Linear skin keeps the depth that it always had. Tissue that stiffens is trusted as deep, and dragged as far, as it was
-measured to be no more than `WORST` off; beyond, frames are told.
+Beyond it, frames are reported. For linear skin, the range is a fixed penetration. For nonlinear skin, it is the largest
+penetration and slide at which the error of the model was measured to be at most `WORST`.
 """
 
 from __future__ import annotations
@@ -13,13 +13,18 @@ from typing import NamedTuple
 from ..parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, SLID_AT, SLIDES, error_band
 from .solver.path_solver import DEPTH_LIMIT
 
-# Of the stress, in half of the touches: what linear skin reaches at its depth limit.
+# Median error of the stress that counts as acceptable: that of linear skin at its depth limit.
 WORST = error_band(LINEAR, DEPTH_LIMIT).stress.median
 WORDS = {LINEAR: "linear", NEO_HOOKEAN: "neo-Hookean"}
 
 
 class Range(NamedTuple):
-    """The greatest depth of the undeformed skin, and slide (see `PathStep.slide`), that a tissue is trusted at [m]."""
+    """Range within which a model of the tissue is trusted.
+
+    Attributes:
+        depth: largest penetration of the undeformed skin [m].
+        slide: largest slide, see `PathStep.slide` [m].
+    """
 
     depth: float
     slide: float
@@ -27,10 +32,10 @@ class Range(NamedTuple):
 
 @lru_cache(maxsize=4)
 def trusted(tissue: str) -> Range:
-    """Return the range of a tissue.
+    """Return the range of a tissue model, 'linear' or 'neo_hookean'.
 
     Raises:
-        DermisError: an unknown tissue.
+        DermisError: the tissue model is unknown.
     """
     if tissue == LINEAR:
         return Range(DEPTH_LIMIT, math.inf)

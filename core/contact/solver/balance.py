@@ -1,8 +1,9 @@
-"""Balance: the forces of several grips that obey friction and together supply a required force and torque.
+"""Balance: contact forces of several grips that obey Coulomb's law and supply a required wrench.
 
-The object gives way until they do, but in one frame by no more than `REACH`. Where friction cannot supply the required
-wrench, the object is drawn that far past the skin, and the forces are the nearest that friction can carry. Both are
-one problem: minimise the skin's energy plus REACH |G f - h| over forces that Coulomb's law admits, an exact penalty.
+A wrench is a force and a torque. The object is displaced until the forces supply it, but by no more than `REACH` in one
+frame. If friction cannot supply the wrench, the object is displaced by `REACH`, and the forces are the nearest ones
+that friction admits. Both cases are one problem with an exact penalty: minimise the skin's energy plus REACH |G f - h|
+over forces f in their friction cones, where G maps f to a wrench and h is the required one.
 """
 
 from __future__ import annotations
@@ -16,28 +17,27 @@ from ...arrays import Array
 from .cone import natural_residual, project
 from .grip import Grip, cross_matrix
 
-TOLERANCE = 1e-8
-SLIDING_TOLERANCE = 1e-5
+TOLERANCE = 1e-8  # relative change and imbalance at which the iteration ends
+SLIDING_TOLERANCE = 1e-5  # relative change at which it ends if friction cannot supply the wrench
 MAX_ITERATIONS = 6000
-RELAXATION = 1.8
-# An object that holds moves in a frame by no more than this where the skin holds it [m]: an object that is drawn
-# so far past a pad slips on all of it.
+RELAXATION = 1.8  # over-relaxation of the alternating method
+# Largest displacement of the object in a frame [m]. An object that is displaced so far along a pad slips everywhere.
 REACH = 3e-3
 
 
 class Balance(NamedTuple):
-    """Forces that hold, or all that friction can do.
+    """Result of a balance.
 
     Attributes:
-        forces: contact force on the near nodes of each grip [N], one (k, 3) a grip.
-        scaled: -w / rho at these nodes [N], one (k, 3) a grip.
-        shifts: change of b there by the object's displacement [m], likewise.
-        move: the object's displacement: translation of its middle [m], rotation vector [rad], shape (6,).
-        size: norm of the object's displacement, with rotations scaled to lengths [m].
-        centre: centre of the grip, from the object's middle [m], shape (3,).
-        holds: the forces supply the required wrench.
+        forces: contact forces on the near nodes of each grip [N], shape (k, 3) each.
+        scaled: -w / rho at these nodes [N], shape (k, 3) each.
+        shifts: change of the offset b at these nodes by the object's displacement [m], shape (k, 3) each.
+        move: displacement of the object: translation of its centre of mass [m] and rotation vector [rad], shape (6,).
+        size: norm of the displacement, with rotations multiplied by a lever [m].
+        centre: centre of the grip relative to the object's centre of mass [m], shape (3,).
+        holds: whether the forces supply the required wrench.
         residual: residual of the contact laws.
-        iterations: number of iterations of the method.
+        iterations: number of iterations.
     """
 
     forces: list[Array]
@@ -54,15 +54,16 @@ class Balance(NamedTuple):
 def balance(
     grips: Sequence[Grip], forces: Sequence[Array], scaled: Sequence[Array], required: Array, rho: float
 ) -> Balance:
-    """Return forces in their cones with G f = h, or as near to it as friction allows.
+    """Return forces in their friction cones with G f = h, or as near to it as friction allows.
 
-    By the alternating method with the object eliminated. The skin feels f, the object -f, so h on the skin is minus
-    the required wrench on the object.
+    The method alternates between the linear problem and the projection on the cones; the object's displacement is
+    eliminated. The forces f act on the skin and -f on the object, so h is minus the required wrench on the object.
 
     Args:
-        forces, scaled: start values for the near nodes of each grip [N], shape (k, 3).
-        required: force and torque on the object [N, N m], shape (6,).
-        rho: compliance that the steps are weighed with [m/N].
+        grips: grips of the fingers.
+        forces, scaled: start values for the near nodes of each grip [N], shape (k, 3) each.
+        required: required force [N] and torque [N m] on the object, shape (6,).
+        rho: compliance by which the steps of the method are weighted [m/N].
     """
     ends = np.cumsum([0] + [3 * g.near.size for g in grips])
     parts = [slice(a, b) for a, b in zip(ends[:-1], ends[1:], strict=True)]
@@ -70,7 +71,7 @@ def balance(
     mu = np.concatenate([g.friction for g in grips])
     b = np.concatenate([g.offset.reshape(-1) for g in grips])
     wrench = np.concatenate([g.wrench for g in grips], axis=1)
-    # torques are taken about the grip's centre and measured in its lever, so that both halves of the wrench weigh alike
+    # Torques are about the grip's centre and divided by its lever, so that they are comparable with forces.
     arms = np.concatenate([g.arms for g in grips])
     centre = arms.mean(axis=0)
     lever = max(float(np.sqrt(((arms - centre) ** 2).sum(axis=1).mean())), 1e-6)
@@ -96,7 +97,7 @@ def balance(
         z = new
         if iteration % 10:
             continue
-        # a load of nothing is met as well as the grip is known
+        # Without a load, the imbalance is relative to the grip's forces.
         whole = max(load + float(np.abs(z).sum()), 1e-300)
         short = float(np.linalg.norm(g_rows @ z.reshape(-1) - target)) / whole
         settled = change / max(float(np.abs(z).max()), 1e-300)
@@ -112,27 +113,30 @@ def balance(
 
 
 class _Give:
-    """How far an object gives way to a wrench: by its grip's compliance, but no farther than `REACH`.
+    """Displacement of an object under a wrench: by the stiffness of its grip, limited to `REACH`.
 
     Args:
         stiffness: stiffness of the grip, with the weight of the steps added, in scaled coordinates [N/m], shape (6, 6).
+
+    Attributes:
+        slides: whether the last displacement was limited.
     """
 
     def __init__(self, stiffness: Array) -> None:
         values, vectors = np.linalg.eigh(stiffness)
-        kept = values > 1e-10 * max(float(values[-1]), 1e-300)  # a direction that nothing holds does not move either
+        kept = values > 1e-10 * max(float(values[-1]), 1e-300)  # directions without stiffness are not displaced
         self._values, self._vectors = values[kept], vectors[:, kept]
         self._more = 0.0
         self.slides = False
 
     def __call__(self, wrench: Array) -> Array:
-        """Return the displacement d [m], shape (6,): (S + l I) d = wrench with the least l >= 0 that keeps it short."""
+        """Return the displacement d [m], shape (6,): (S + l I) d = wrench with the least l >= 0 for |d| <= REACH."""
         part = self._vectors.T @ wrench
         move = part / self._values
         self.slides = float(move @ move) > REACH * REACH
         if self.slides:
             more = max(self._more, 0.0)
-            for _ in range(30):  # Newton on 1 / |d|, which is nearly straight
+            for _ in range(30):  # Newton's method for 1 / |d|, which is nearly linear in l
                 stiff = self._values + more
                 move = part / stiff
                 length = float(np.sqrt(move @ move))

@@ -1,4 +1,4 @@
-"""Bodies on their way from one frame to the next, and the displacement of their material there."""
+"""Interpolation of bodies between two frames, and movement of their material."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from .near_surface import NearTriangles
 
 
 def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | None = None) -> ContactBody:
-    """Return a body on its way from one pose and shape to another, with the second's friction.
+    """Interpolate a body between two poses and shapes; friction is that of the second.
 
     Args:
-        share: share of the way from `a` (0) to `b` (1).
-        near: the triangles of the intermediate shape that are needed; None for all.
+        a, b: the body in both frames.
+        share: 0 for `a`, 1 for `b`.
+        near: triangles of the intermediate shape that are needed; None for all.
     """
     if a.away or b.away or share == 1.0:
         return b
@@ -45,7 +46,7 @@ def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | 
 
 
 def reshaped(a: ContactBody, b: ContactBody) -> bool:
-    """Return whether a body has another shape of the same triangles."""
+    """Return whether a body has a different shape with the same triangles in two frames."""
     one, other = a.surface, b.surface
     if a.away or b.away or one is other or not isinstance(one, Surface) or not isinstance(other, Surface):
         return False
@@ -53,19 +54,20 @@ def reshaped(a: ContactBody, b: ContactBody) -> bool:
 
 
 def lowered(body: ContactBody, far: float) -> ContactBody:
-    """Return a body moved away from the pad, down the finger's Z [m]."""
+    """Return a body moved away from the pad by a distance along the finger's -Z [m]."""
     return replace(body, translation=body.translation - np.array([0.0, 0.0, far]))
 
 
 def matter_moved(a: ContactBody, b: ContactBody, points: Array, triangle: Indices) -> Array | None:
-    """Return how the matter that points lie on moves from one state of a body to another [m], shape (n, 3).
+    """Return the movement of a body's material at points between two frames [m], shape (n, 3).
 
     Args:
-        points: the points [m], shape (n, 3).
-        triangle: index of the triangle of `b` that is closest to each, shape (n,).
+        a, b: the body in both frames.
+        points: points on `b` [m], shape (n, 3).
+        triangle: index of the triangle of `b` that is closest to each point, shape (n,).
 
     Returns:
-        None where the surface is of other faces.
+        The movement; None if the faces of the surface have changed.
     """
     if a.surface is b.surface:
         return moved(a, b, points)
@@ -81,7 +83,7 @@ def matter_moved(a: ContactBody, b: ContactBody, points: Array, triangle: Indice
 
 
 def vertices_moved(near: NearTriangles, a: ContactBody, b: ContactBody) -> float:
-    """Return how far a body moves that changes its shape, at most, in some of its triangles [m]."""
+    """Return the largest movement of a deforming body's vertices in the near triangles [m]."""
     some = np.unique(near.end.triangles[near.chosen])
     one, other = (
         surface.vertices[some] @ body.rotation.T + body.translation

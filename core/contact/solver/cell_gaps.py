@@ -1,9 +1,10 @@
-"""The gap over whole cells, where a surface turns between one and the next.
+"""CellGaps: mean gaps over whole cells beside edges.
 
-A cell's force spreads over all of its skin, and so does its constraint. Beside an edge that matters: skin is
-stretched over it to several times its width, the centres of cells slip off it to both sides, and it would come through
-between them. There a cell keeps off by the mean gap along it, and is still pushed as its centre's face pushes: points
-may then be twice as far apart for the same force.
+The force of a cell is distributed over its whole area, and the constraint on its gap should be too. This matters beside
+an edge. Skin over an edge is stretched to several times its width, so that the centres of cells slip off to both sides,
+and the edge would penetrate between them. The gap of such a cell is therefore the mean along the cell across the edge.
+Its normal remains that of the face below its centre. Points may then be twice as far apart for the same accuracy of the
+force.
 """
 
 from __future__ import annotations
@@ -19,18 +20,25 @@ from .bodies import ContactBody, Expected, NodeGaps, node_gaps
 from .point_gaps import some_of
 from .point_set import NONE, PointSet
 
-# Cells touch as a whole where their normal and the next one's differ by more than this; by less their centres do.
+# The mean gap is used for cells whose normal differs from a neighbour's by more than this length.
 TURNED = 0.3
-# Normals that differ by more than this cosine says are of the two sides of something thin.
+# If the cosine between two normals is below this, they belong to opposite sides of a thin object.
 OPPOSITE = -0.7
-# Cells may do so in the next frame that are so many times as far off as those that do now, or turned by this share.
+# Cells that may need the mean gap in the next frame: limit of their gap, relative to that of the present ones, and
+# limit of the difference of normals, relative to `TURNED`.
 FARTHER, LESS = 1.5, 0.6
-LESS_COSINE = 1.0 - 0.5 * (0.999 * LESS * TURNED) ** 2  # most cells have no neighbour that is turned by as much
+LESS_COSINE = 1.0 - 0.5 * (0.999 * LESS * TURNED) ** 2  # cosine of this difference, by which most cells are excluded
 
 
 @dataclass(frozen=True, eq=False)
 class _Turned:
-    """The cells that a surface turns beside, along which side, and the cells before and behind along it, (2, k)."""
+    """Cells beside edges.
+
+    Attributes:
+        own: indices of the cells, shape (k,).
+        axis: side of each cell that crosses the edge, 0 or 1, shape (k,).
+        others: indices of the neighbours before and behind along this side, shape (2, k).
+    """
 
     own: Indices
     axis: Indices
@@ -40,7 +48,13 @@ class _Turned:
         return _Turned(self.own[which], self.axis[which], self.others[:, which])
 
     def halves(self, points: Array, places: Array, sides: Array) -> Array:
-        """Return the middles of either half of each cell [m], shape (2, k, 3)."""
+        """Return the displaced centres of both halves of each cell [m], shape (2, k, 3).
+
+        Args:
+            points: centres of all cells at rest [m], shape (n, 3).
+            places: displaced centres [m], shape (n, 3).
+            sides: side vectors of the cells [m], shape (n, 2, 3).
+        """
         own, axis, moved = self.own, self.axis, places - points
         side = sides[own, axis]
         width, out = np.sqrt(np.einsum("ij,ij->i", side, side)), np.empty((2, len(own), 3))
@@ -53,13 +67,16 @@ class _Turned:
 
 
 class CellGaps:
-    """Measures cells: their centres, and the halves of those that a surface turns beside.
+    """Measures gaps at the centres of cells, and at the halves of cells beside edges.
 
-    Which those are is known once the centres are measured; most of them are those of the last frame, and measured
-    together with the centres, since a question costs more than a few points more in it.
+    The cells beside edges are known only after the centres are measured, but most are the same as in the last frame.
+    Their halves are measured together with the centres, because a query costs more than a few more points in it.
 
     Args:
         search_radius, bone: as for `node_gaps`.
+
+    Attributes:
+        last: cells that were beside edges in the last frame; None if there were none.
     """
 
     def __init__(self, search_radius: float, bone: Array) -> None:
@@ -68,7 +85,12 @@ class CellGaps:
         self._found: tuple[Array, Indices] | None = None
 
     def renumber(self, order: Indices, count: int) -> None:
-        """Go over to other cells: some of so many old ones in a new order, then new ones."""
+        """Renumber the cells.
+
+        Args:
+            order: former indices of the cells that stay, in their new order.
+            count: former number of cells.
+        """
         if self.last is None:
             return
         place = np.full(count, NONE)
@@ -79,9 +101,14 @@ class CellGaps:
         self._found = self._found and (self._found[0][:, kept], self._found[1][:, kept])
 
     def beside_edges(self, some: NDArray[np.bool_]) -> tuple[Indices, Indices]:
-        """Return which of some points are cells that a surface turned beside when they were last measured, shape (k,).
+        """Return the cells among some points that were beside edges in the last frame.
 
-        With the cells before and behind each of them, across the edge, itself where there is none, shape (2, k).
+        Args:
+            some: whether each cell is considered, shape (n,).
+
+        Returns:
+            Indices of the cells, shape (k,), and of the neighbours of each across the edge, shape (2, k); a cell
+            without a neighbour is its own.
         """
         if self.last is None:
             return np.zeros(0, dtype=np.int64), np.zeros((2, 0), dtype=np.int64)
@@ -91,7 +118,7 @@ class CellGaps:
     def centres(
         self, points: PointSet, bodies: Sequence[ContactBody], expected: Expected, more: Array
     ) -> tuple[NodeGaps, NodeGaps]:
-        """Return the gaps of cells' centres, where they are expected, and those of more places [m], shape (k, 3)."""
+        """Return the gaps at the expected centres of cells, and at further positions `more` [m], shape (k, 3)."""
         at, last, n = points.positions, self.last, len(points)
         self._found = None
         if last is None and not len(more):
@@ -111,10 +138,11 @@ class CellGaps:
         return some_of(gaps, slice(0, n)), some_of(gaps, slice(k, None))
 
     def over(self, gaps: NodeGaps, points: PointSet, places: Array) -> NodeGaps:
-        """Return gaps with those of cells that a surface turns beside taken over the whole cell.
+        """Replace the gaps of cells beside edges by means over these cells.
 
         Args:
             gaps: gaps at the cells' centres.
+            points: the cells.
             places: displaced positions at which they were measured [m], shape (n, 3).
         """
         near, touching = _turned(gaps, points.sides, points.beside)
@@ -146,9 +174,9 @@ class CellGaps:
 
 
 def _turned(gaps: NodeGaps, sides: Array, beside: Indices) -> tuple[_Turned, Indices]:
-    """Return the cells that a surface turns beside, and which of them are so near that they touch as a whole.
+    """Return the cells beside edges, and the positions among them of those that need the mean gap.
 
-    Where there is no cell, a cell stands for its own neighbour.
+    A cell without a neighbour counts as its own neighbour.
     """
     others = np.where(beside == NONE, np.arange(len(beside))[:, None], beside)
     cosine = np.einsum("nkj,nj->nk", gaps.normal.take(others, axis=0), gaps.normal)
@@ -157,7 +185,8 @@ def _turned(gaps: NodeGaps, sides: Array, beside: Indices) -> tuple[_Turned, Ind
     alike = (gaps.body[others] == body) & (body >= 0) & (cosine > OPPOSITE)
     turned = np.where(alike, 2.0 - 2.0 * cosine, 0.0).reshape(-1, 2, 2)
     width = np.sqrt((sides[rows] ** 2).sum(axis=2))
-    # across an edge cells are narrow, and both neighbours tell of it: along it one may by chance
+    # The side across the edge is the one along which the normals turn most for its length, since cells are narrow
+    # there.
     axis = (turned.sum(axis=2) / width).argmax(axis=1)
     each = np.arange(len(axis))
     off = gaps.clearance[rows] / width[each, axis]

@@ -1,6 +1,6 @@
-"""Friction within one frame of a path: the shifts foreseen, those found after the solution, and the state left.
+"""FrameFriction: corrections of friction within one frame of a path, before and after its solution.
 
-`within_frame.py` has the mathematics; here are the moments at which a path asks for it.
+The formulas are in `within_frame.py`.
 """
 
 from __future__ import annotations
@@ -18,16 +18,17 @@ from .history import ContactHistory
 from .solve import Solution
 from .within_frame import NONE, STILL, Drift, WithinFrame, changing, crossed, entered
 
-# Slip in a frame below this [m] is rest: the same pose then needs no new solve.
+# Slip in a frame below this length counts as rest [m]. The same pose then need not be solved again.
 AT_REST = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Rubbing:
-    """The friction state that one frame leaves to the next.
+    """Friction state that one frame leaves to the next.
 
     Attributes:
-        drift: how loaded skin went along. changing: how much of its shifts the next frame takes, 0 to 1.
+        drift: movement of the loaded skin along the surface.
+        changing: share of the shifts that the next frame applies, 0 to 1.
     """
 
     drift: Drift
@@ -61,11 +62,12 @@ class FrameFriction:
     """Friction within one frame.
 
     Args:
-        gaps: at its end. history: at its begin; `keep` brings it to the end.
-        loaded: which nodes carried force at its begin, shape (m,).
+        gaps: gaps at the end of the frame.
+        history: friction history at its begin, which `keep` updates to its end.
+        loaded: whether each node carried force at its begin, shape (m,).
         matrix: compliance of the nodes [m/N], shape (3 m, 3 m).
         own: compliance of each node to its own force [m/N], shape (m,).
-        soft: compliance of the body below each [m/N], shape (m,).
+        soft: compliance of the body below each node [m/N], shape (m,).
     """
 
     def __init__(
@@ -83,7 +85,7 @@ class FrameFriction:
         self._shifts = self._crossed = NONE
 
     def foresee(self, force: Array, b: Array, image: Array, share: float) -> None:
-        """Shift slip where it is expected to turn.
+        """Shift the slip of nodes whose slip is expected to change its direction.
 
         Args:
             force: forces of the last frame [N], shape (m, 3).
@@ -97,7 +99,7 @@ class FrameFriction:
             b[self._shifts.nodes] += self._shifts.shift
 
     def notice(self, solution: Solution) -> None:
-        """Find the shifts of slip of nodes that came to touch, which are left to the next frame."""
+        """Compute the shifts of nodes that came into contact; they are applied in the next frame."""
         if not self.gaps.friction.any():
             return
         new = entered(solution, self.gaps, self._history, self._loaded)
@@ -107,21 +109,30 @@ class FrameFriction:
             self._crossed = crossed(new, solution, self._history.gap[new], own)
 
     def left(self, solution: Solution, before: Array, moved: Array) -> Rubbing:
-        """Return the state for the next frame, from forces before [N] and how nodes moved [m], shape (m, 3) each."""
+        """Return the state for the next frame.
+
+        Args:
+            solution: solution of this frame.
+            before: forces at its begin [N], shape (m, 3).
+            moved: movement of the nodes in this frame [m], shape (m, 3).
+        """
         drift = STILL if self._way is None else Drift.of(self.gaps, solution.force, moved, self._way.passed)
         change, size = solution.force - before, float(np.vdot(solution.force, solution.force))
         return Rubbing(drift, changing(float(np.vdot(change, change)), size))
 
     def keep(self, solution: Solution, points: Array, image: Array) -> bool:
-        """Write the frame into the history, and return whether anything slides on.
+        """Update the history to the end of the frame, and return whether it is not at rest.
+
+        A frame is at rest if no node came into contact and no slip exceeds `AT_REST`.
 
         Args:
-            points, image: undeformed nodes and their displacement [m], shape (m, 3).
+            solution: solution of this frame.
+            points, image: undeformed nodes and their displacement [m], shape (m, 3) each.
         """
         w, normal, history = solution.displacement, self.gaps.normal, self._history
         gap = along(w, normal)
         sticking = solution.status == STICK
-        # on the body's surface; the tangential part is w itself, the very slip that the solver saw
+        # Positions on the body's surface; their tangential part is exactly the slip of the solution.
         positions = points + image + self._soft[:, None] * solution.force - gap[:, None] * normal
         slip = w - gap[:, None] * normal
         shifts, entering = self._shifts, self._crossed
@@ -129,7 +140,7 @@ class FrameFriction:
             slip[shifts.nodes] -= shifts.shift
         if len(entering.nodes):
             positions[entering.nodes] -= entering.back(slip, solution)
-        # a node that stopped to slip sticks where it did, and one that came to touch where it came to
+        # The anchors of shifted nodes and of those that came into contact are moved even if they stick now.
         history.keep(self.gaps, sticking, positions, gap, (shifts.nodes, entering.nodes))
         history.slip = slip
         history.swept = np.zeros_like(slip) if self._way is None else self._way.swept

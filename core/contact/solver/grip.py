@@ -1,4 +1,4 @@
-"""The data of holding: fingers, the context and the grip of each, a frame's answer, and the object's displacement."""
+"""Data of held objects: fingers, contexts and grips, displacement, and the result of a frame."""
 
 from __future__ import annotations
 
@@ -16,20 +16,26 @@ from .law_skin import LawSkin
 
 
 class Displacement(NamedTuple):
-    """Of a held object: `shift` of its centre of mass [m], shape (3,), and `turn` about it, shape (3, 3)."""
+    """Displacement of a held object from its animated pose.
+
+    Attributes:
+        shift: translation of its centre of mass [m], shape (3,).
+        turn: rotation about the centre of mass, shape (3, 3).
+    """
 
     shift: Array
     turn: Array
 
     def then(self, move: Array) -> Displacement:
-        """Return this, moved on by a translation [m] and a rotation vector [rad], shape (6,)."""
+        """Return this displacement followed by a translation [m] and a rotation vector [rad], shape (6,)."""
         return Displacement(self.shift + move[:3], _rotation(move[3:]) @ self.turn)
 
     def since(self, other: Displacement, centre: Array) -> tuple[float, float]:
-        """Return how far it is from another one: at a point of the object [m], and in angle [rad].
+        """Return the distance from another displacement at a point of the object [m], and the angle [rad].
 
         Args:
-            centre: that point, from the centre of mass, in world axes [m], shape (3,).
+            other: the other displacement.
+            centre: the point, relative to the centre of mass, in world axes [m], shape (3,).
         """
         move = self.shift - other.shift + centre - other.turn @ self.turn.T @ centre
         return float(np.linalg.norm(move)), float(np.linalg.norm(_vector(self.turn @ other.turn.T)))
@@ -49,7 +55,7 @@ def cross_matrix(v: Array) -> Array:
 
 
 def _rotation(vector: Array) -> Array:
-    """Rotation matrix of a rotation vector [rad] (Rodrigues)."""
+    """Return the rotation matrix, shape (3, 3), of a rotation vector [rad], shape (3,), by Rodrigues."""
     angle = float(np.linalg.norm(vector))
     if angle < 1e-15:
         return np.eye(3)
@@ -58,7 +64,7 @@ def _rotation(vector: Array) -> Array:
 
 
 def _vector(rotation: Array) -> Array:
-    """Rotation vector [rad] of a rotation by less than half a turn."""
+    """Return the rotation vector [rad], shape (3,), of a rotation by less than half a turn."""
     axis = 0.5 * np.array(
         [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
     )
@@ -69,15 +75,15 @@ def _vector(rotation: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class HoldingFinger:
-    """A finger that may hold.
+    """Finger that may hold objects.
 
     Attributes:
         compliance: compliance matrix of the finger's skin [m/N], shape (3 m, 3 m).
-        points: pad nodes of the finger [m], shape (m, 3).
-        name: for findings.
-        areas: skin of each node [m^2], shape (m,); needed where an object is soft.
-        bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
-        law: by how much less its skin gives way than by its compliance; None where it is linear.
+        points: positions of the pad nodes [m], shape (m, 3).
+        name: name of the finger, for findings.
+        areas: area of skin of each node [m^2], shape (m,); needed for soft objects.
+        bone: a point inside the finger [m], shape (3,); open surfaces are touched on the side of this point.
+        law: nonlinear law of the skin; None for linear skin.
     """
 
     compliance: Array
@@ -90,13 +96,13 @@ class HoldingFinger:
 
 @dataclass(frozen=True, eq=False)
 class HoldContext:
-    """One finger in a frame: its pose, and the bodies that it touches besides the held object.
+    """One finger in a frame, with the bodies near it.
 
     Attributes:
-        pose: finger-to-world matrix, rigid, shape (4, 4).
-        bodies: everything near, posed in the finger's frame; the held object's own entry is replaced.
+        pose: rigid finger-to-world matrix, shape (4, 4).
+        bodies: all near bodies in the finger's frame. The entry of the held object is replaced by the solver.
         own: index of the held object among them.
-        history: where the finger's nodes stick; kept by whoever solves the finger otherwise.
+        history: friction history of the finger's nodes, which the finger's own solver also uses.
     """
 
     pose: Array
@@ -107,22 +113,21 @@ class HoldContext:
 
 @dataclass(frozen=True)
 class GripStep:
-    """One frame of a held object.
+    """Result of one frame of a held object.
 
     Attributes:
-        forces: on each finger's pad nodes, in that finger's frame [N], one (m, 3) a finger.
-        status: OPEN, STICK or SLIP of each finger's nodes.
-        on_object: total force and torque (about the centre of mass) of all contacts on the object, in world space
-            [N, N m], shape (6,).
-            Forces act where the deformed skin is.
-        required: the wrench of gravity and inertia, m (a - g) and the rate of angular momentum, shape (6,).
+        forces: forces on each finger's pad nodes in that finger's frame [N], shape (m, 3) each.
+        status: OPEN, STICK or SLIP of each finger's nodes, shape (m,) each.
+        on_object: total force [N] and torque about the centre of mass [N m] of all contacts on the object, in world
+            axes, shape (6,). Forces act at the deformed skin.
+        required: wrench of inertia and gravity: m (a - g) and the rate of angular momentum, shape (6,).
         displacement: displacement of the object from its animated pose: translation [m] and rotation vector [rad],
             shape (6,).
-        holds: contacts supply the required wrench; else the nearest that friction can carry.
+        holds: whether the contacts supply the required wrench. If not, the forces are the nearest that friction admits.
         residual: residual of the contact laws, see `cone.natural_residual`.
         iterations: number of iterations of the solver.
-        gaps: that each finger was solved for.
-        slips: relative displacement w of each finger's nodes [m], one (m, 3) a finger.
+        gaps: gaps of each finger's nodes.
+        slips: relative displacement w of each finger's nodes [m], shape (m, 3) each.
     """
 
     forces: tuple[Array, ...]
@@ -139,19 +144,21 @@ class GripStep:
 
 @dataclass
 class Grip:
-    """One finger's part of a frame: its nodes near the object, and their data.
+    """One finger's part of a frame: its nodes near bodies, and their data.
 
     Attributes:
         gaps: gaps of the finger's nodes.
-        near: indices of the nodes within reach of anything, shape (k,).
+        near: indices of the nodes within reach of a body, shape (k,).
         matrix: compliance of the near nodes [m/N], shape (3 k, 3 k).
         inverse: inverse of the matrix plus the weight of the steps [N/m], shape (3 k, 3 k).
-        offset: b at them [m], shape (k, 3); less by `bent`.
-        bent: by how much less skin with a law gives way than linear skin [m], shape (k, 3).
+        offset: offset b of the near nodes, with `bent` added [m], shape (k, 3).
+        bent: minus the correction of nonlinear skin at the near nodes [m], shape (k, 3); None for linear skin.
         pose: pose of the finger in the world, shape (4, 4).
-        history: where they stick. own: index of the held object among the frame's bodies.
-        wrench: from their forces to force and torque on the skin by the object, shape (6, 3 k).
-        arms: vectors from the object's middle to the nodes that touch it, in world axes [m], shape (n, 3).
+        history: friction history of the finger's nodes.
+        own: index of the held object among the bodies.
+        wrench: map from the forces on the near nodes to the wrench of the object on the skin, shape (6, 3 k).
+        arms: vectors from the object's centre of mass to the near nodes that are closest to it, in world axes [m],
+            shape (n, 3).
     """
 
     gaps: NodeGaps
@@ -167,7 +174,12 @@ class Grip:
     arms: Array = field(init=False)
 
     def act_at(self, places: Array, middle: Array) -> None:
-        """Let forces act at places in the finger's frame [m], shape (m, 3), about the object's middle in the world."""
+        """Set the points at which forces act, and compute `wrench` and `arms`.
+
+        Args:
+            places: points in the finger's frame [m], shape (m, 3).
+            middle: the object's centre of mass in the world [m], shape (3,).
+        """
         turn = self.pose[:3, :3]
         arm = places[self.near] @ turn.T + self.pose[:3, 3] - middle
         wrench = np.zeros((6, self.near.size, 3))
@@ -175,17 +187,17 @@ class Grip:
         for axis in range(3):
             wrench[3:, :, axis] = np.cross(arm, turn[:, axis]).T
         mine = self.gaps.body[self.near] == self.own
-        wrench[:, ~mine] = 0.0  # nodes that press on another body do not carry this one
+        wrench[:, ~mine] = 0.0  # nodes on other bodies do not carry the object
         self.wrench, self.arms = wrench.reshape(6, -1), arm[mine]
 
     @property
     def friction(self) -> Array:
-        """Coefficients at the near nodes, shape (k,)."""
+        """Friction coefficients at the near nodes, shape (k,)."""
         return self.gaps.friction[self.near]
 
     @property
     def pressing(self) -> bool:
-        """Whether a node would sink into the held object if nothing gave way."""
+        """Whether a node would penetrate the held object without any force."""
         closest = self.gaps.body[self.near] == self.own
         offset = self.offset if self.bent is None else self.offset - self.bent
         return bool((along(offset, self.gaps.normal[self.near])[closest] < 0.0).any())

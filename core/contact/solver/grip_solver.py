@@ -1,11 +1,12 @@
-"""GripSolver: an object held by fingers; its six degrees of freedom balance contact, gravity and inertia.
+"""GripSolver: contact of an object held by fingers, with balance of contact, gravity and inertia.
 
-The object follows its animated pose up to a small displacement d (translation and turn) that is found with the contact
-forces: w = C f + b - G' d at the nodes, G f = h on the object, where G sums forces and torques and h is the wrench of
-gravity and inertia. Forces act where the deformed skin is, so a frame is balanced again until that place stands still.
+The object follows its animated pose up to a small displacement d (translation and rotation), which is solved together
+with the contact forces f: w = C f + b - G' d at the nodes and G f = h for the object. G maps forces to a wrench, and h
+is the wrench of gravity and inertia. Forces act at the deformed skin, so a frame is balanced again until the points of
+action no longer change.
 
-Where friction cannot supply h, the object slips: it stays where it is beside its animated path, its matter is drawn
-past the skin, and the forces are the nearest to h that friction can carry. A finding says so.
+If friction cannot supply h, the object slips. It then keeps its displacement from the animated path, its material
+slides along the skin, and the forces are the nearest to h that friction admits. A finding reports it.
 """
 
 from __future__ import annotations
@@ -26,16 +27,17 @@ from .grip import NOWHERE, Displacement, Grip, GripStep, HoldContext, HoldingFin
 from .notes import Notes
 from .solve import status_of
 
-SEARCH_RADIUS = 3e-3
-# A frame is balanced again after a displacement above this at the skin [m], or a torque that is off by more [N m].
+SEARCH_RADIUS = 3e-3  # largest gap that is measured [m]
+# A frame is balanced again after a displacement above this [m], or an error of the torque above this [N m].
 STILL, TORQUE = 2e-5, 1e-6
+# Largest number of balances in a frame, and of those before which gaps are measured again.
 MAX_ROUNDS, MEASURED = 8, 3
-LAW_ROUNDS = 30  # where skin follows a law, until law and balance agree
-# The steps are weighed with this many times a node's own compliance, where they are fewest.
+LAW_ROUNDS = 30  # largest number of balances in a frame on nonlinear skin
+# Weight of the steps of the method, relative to a node's own compliance. With this one, iterations are fewest.
 WEIGHT = 1.5
-# A displacement from one frame to the next that nobody expects of an object that is held [m], [rad].
+# Largest displacement from one frame to the next without a warning [m], [rad].
 SUDDEN = 1e-3, 0.05
-# It creeps off its animated path by no more than this [m], [rad].
+# Largest displacement from the animated path [m], [rad].
 FAR = 3e-3, 0.2
 
 
@@ -43,18 +45,18 @@ class GripSolver:
     """Solves the grip on one object, frame after frame.
 
     Args:
-        surface: surface of the object, in its own space [m].
-        mass: [kg]; may be set anew for every frame. 0 is an object without weight and inertia.
-        fingers: that may touch it.
+        surface: surface of the object in its own space [m].
+        mass: mass [kg], which may change from frame to frame; 0 for an object without weight and inertia.
+        fingers: fingers that may touch the object.
         friction: Coulomb coefficient against skin.
         centre: centre of mass, in the object's own space [m], shape (3,).
         inertia: inertia tensor for a mass of 1 kg about the centre of mass, in the object's own space [m^2], shape (3,
             3).
-        gravity: in world space [m/s^2].
-        name: for findings.
+        gravity: acceleration of gravity in world axes [m/s^2], shape (3,).
+        name: name of the object, for findings.
 
     Raises:
-        DermisError: a mass that is negative or not finite, or no finger.
+        DermisError: the mass is negative or not finite, or there is no finger.
     """
 
     def __init__(
@@ -84,17 +86,17 @@ class GripSolver:
         self.let_go()
 
     def let_go(self) -> None:
-        """Put the object back on its animated path; the fingers keep their friction's history."""
+        """Reset the displacement and the forces to zero; the fingers keep their friction history."""
         self._displacement = NOWHERE
         self._forces = [np.zeros_like(f.points) for f in self.fingers]
         self._scaled = [np.zeros_like(f.points) for f in self.fingers]
         self._deformed = [f.points for f in self.fingers]
         self._loaded = False
-        self._more_torque = np.zeros(3)  # that came of the skin's deforming in the last frame [N m]
+        self._more_torque = np.zeros(3)  # change of torque by the skin's deformation in the last frame [N m]
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """Frames in which the object slipped, gave way far at once, or was not touched at all."""
+        """Frames in which the object slipped, moved far from its path, or was not touched."""
         return self._notes.findings()
 
     def step_among(
@@ -108,15 +110,15 @@ class GripSolver:
         scene_frame: float,
         only_if_pressed: bool = False,
     ) -> GripStep | None:
-        """Solve the next frame of fingers that may touch other bodies too.
+        """Solve the next frame; the fingers may touch other bodies too.
 
         Args:
             pose: animated object-to-world matrix, rigid, shape (4, 4).
             contexts: context of each finger; None for a finger that is not near any body.
-            acceleration: acceleration of the centre of mass, in world space [m/s^2], shape (3,).
-            angular_velocity, angular_acceleration: in world space [rad/s], [rad/s^2].
-            scene_frame: frame number in the scene, for findings.
-            only_if_pressed: return None, and change nothing, where no finger presses the object.
+            acceleration: acceleration of the centre of mass in world axes [m/s^2], shape (3,).
+            angular_velocity, angular_acceleration: in world axes [rad/s], [rad/s^2], shape (3,) each.
+            scene_frame: scene frame, for findings.
+            only_if_pressed: whether to return None without changing the state if no finger presses the object.
         """
         rotation, middle = began = self.placed(pose)
         laws = [f.law for f, c in zip(self.fingers, contexts, strict=True) if c is not None and f.law is not None]
@@ -145,13 +147,13 @@ class GripSolver:
                 self._more_torque = torque - asked[3:] if found.holds else np.zeros(3)
             agreed = all(law.settled or law.lost for law in laws)
             still = found.size <= STILL and agreed
-            if not agreed or lost < sum(law.lost for law in laws):  # once more, with the law's best
+            if not agreed or lost < sum(law.lost for law in laws):  # once more, with the best correction
                 lost = sum(law.lost for law in laws)
                 continue
             turned = np.abs(torque - required[3:]).max() > TORQUE
             if again + 1 >= MAX_ROUNDS or not found.holds or ((still or again > MEASURED) and not turned):
                 break
-            if not still and again < MEASURED:  # at an edge the closest faces may go round in circles
+            if not still and again < MEASURED:  # limited, since the closest faces may alternate at an edge
                 now = rotation, middle
                 grips = [None if c is None else self._grip(i, c, now, began) for i, c in enumerate(contexts)]
         if not (pressing and found.holds):
@@ -169,7 +171,7 @@ class GripSolver:
     # -- one frame -----------------------------------------------------------------------------------------------
 
     def placed(self, pose: Array) -> tuple[Array, Array]:
-        """Return rotation and centre of mass [m] where the object is now: animated, then displaced."""
+        """Return rotation and centre of mass of the displaced object in the world, for an animated pose."""
         rotation = self._displacement.turn @ pose[:3, :3]
         middle = pose[:3, :3] @ self.centre + pose[:3, 3] + self._displacement.shift
         return rotation, middle
@@ -179,14 +181,27 @@ class GripSolver:
         return np.concatenate([self.mass * (a - self.gravity), inertia @ alpha + np.cross(omega, inertia @ omega)])
 
     def body(self, finger_pose: Array, rotation: Array, middle: Array) -> ContactBody:
-        """Return the object in a finger's frame, its centre of mass at `middle` in the world [m]."""
+        """Return the object in a finger's frame.
+
+        Args:
+            finger_pose: finger-to-world matrix, shape (4, 4).
+            rotation: rotation of the object to the world, shape (3, 3).
+            middle: its centre of mass in the world [m], shape (3,).
+        """
         turn = finger_pose[:3, :3].T @ rotation
         origin = middle - rotation @ self.centre
         place = finger_pose[:3, :3].T @ (origin - finger_pose[:3, 3])
         return ContactBody(self.surface, turn, place, self.friction, self.softness, self.deforms, carry=self.carry)
 
     def _grip(self, index: int, context: HoldContext, now: tuple[Array, Array], began: tuple[Array, Array]) -> Grip:
-        """Measure a finger's part, the object displaced as it is `now`, and as it was when the frame `began`."""
+        """Measure the grip of one finger.
+
+        Args:
+            index: index of the finger.
+            context: its context in this frame.
+            now: rotation and centre of mass of the object at its present displacement.
+            began: the same at the begin of the frame.
+        """
         finger, pose = self.fingers[index], context.pose
         body = self.body(pose, *now)
         bodies = (*context.bodies[: context.own], body, *context.bodies[context.own + 1 :])
@@ -195,7 +210,7 @@ class GripSolver:
         near = np.flatnonzero(gaps.body >= 0)
         offset = context.history.offset(gaps, finger.points)[near]
         new = np.flatnonzero((gaps.body[near] == context.own) & (context.history.body[near] != context.own))
-        if now is not began and new.size:  # a node without an anchor touched the object where it began
+        if now is not began and new.size:  # a node without an anchor is anchored at the object's pose at the begin
             points, normal, then = finger.points[near[new]], gaps.normal[near[new]], self.body(pose, *began)
             went = ((points - then.translation) @ then.rotation) @ body.rotation.T + body.translation - points
             offset[new] -= went - along(went, normal)[:, None] * normal
@@ -215,7 +230,13 @@ class GripSolver:
         return grip
 
     def _balanced(self, everybody: Sequence[Grip | None], required: Array, pressing: bool) -> Balance:
-        """Find the forces, and shift the nodes' b by the object's displacement; no force where nothing is pressed."""
+        """Balance the grips, and add the effect of the object's displacement to the nodes' offsets.
+
+        Args:
+            everybody: grip of each finger, or None.
+            required: required wrench on the object, shape (6,).
+            pressing: whether any finger presses the object; otherwise all forces are zero.
+        """
         index = [i for i, g in enumerate(everybody) if g is not None]
         grips = [g for g in everybody if g is not None]
         if pressing:
@@ -237,7 +258,7 @@ class GripSolver:
         return found
 
     def _bend(self, grips: Sequence[Grip | None]) -> None:
-        """Let skin with a law give way as much less as that wants by now."""
+        """Update the offsets for the present correction of nonlinear skin."""
         for i, grip in enumerate(grips):
             law = self.fingers[i].law
             if grip is not None and law is not None and grip.bent is not None:
@@ -246,7 +267,7 @@ class GripSolver:
                 grip.bent = grip.bent + change
 
     def _look(self, grips: Sequence[Grip | None]) -> None:
-        """Ask the laws of skin for their residual at the forces."""
+        """Evaluate the nonlinear laws of the skins for the present forces."""
         for i, grip in enumerate(grips):
             law = self.fingers[i].law
             if grip is None or law is None or law.lost:
@@ -254,7 +275,7 @@ class GripSolver:
             law.look(self._forces[i])
 
     def _act(self, grips: Sequence[Grip | None], middle: Array) -> Array:
-        """Let forces act where they deform the skin to; return the torque on the object about its middle [N m]."""
+        """Set the points of action to the deformed skin; return the torque on the object's centre of mass [N m]."""
         torque = np.zeros(3)
         for i, grip in enumerate(grips):
             if grip is not None:
@@ -272,10 +293,15 @@ class GripSolver:
         *,
         drawn: bool,
     ) -> GripStep:
-        """Sum the forces up and move the anchors to where the nodes are now.
+        """Sum up the forces and update the friction histories.
 
         Args:
-            drawn: the object stays where it was, and its matter was drawn past the skin.
+            grips: grip of each finger, or None.
+            found: result of the last balance.
+            contexts: context of each finger, or None.
+            required: required wrench on the object, shape (6,).
+            pose: animated pose of the object, shape (4, 4).
+            drawn: whether the object kept its displacement while its material slid along the skin.
         """
         on_object = np.zeros(6)
         met = [f.law for f, c in zip(self.fingers, contexts, strict=True) if c is not None and f.law is not None]
@@ -294,10 +320,10 @@ class GripSolver:
             moved = replace(grip.gaps, bodies=bodies)
             status = status_of(whole, w, grip.gaps.normal, grip.gaps.friction)
             gap = along(w, grip.gaps.normal)
-            # on the body's surface: a node that is pressed into a soft one lies on it all the same
+            # Positions on the body's surface; a node that is pressed into a soft body is on its deformed surface.
             soft = grip.gaps.compliance(finger.areas, finger.name)
             on_body = self._deformed[i] + soft[:, None] * whole - gap[:, None] * moved.normal
-            # nothing sticks to where matter was that was drawn along
+            # No node sticks to material that slid along the skin.
             sticks = (status == STICK) & ((grip.gaps.body != grip.own) | (not drawn))
             grip.history.keep(moved, sticks, on_body, gap)
             forces.append(whole)
@@ -327,7 +353,7 @@ class GripSolver:
     def _too_far(
         self, code: str, what: str, since: Displacement, centre: Array, limits: tuple[float, float], frame: float
     ) -> bool:
-        """Warn where the object is farther from a displacement than limits [m], [rad]; return whether it is."""
+        """Warn if the object is farther from a displacement than limits [m], [rad]; return whether it is."""
         far, angle = self._displacement.since(since, centre)
         beyond = far > limits[0] or angle > limits[1]
         if beyond:

@@ -1,4 +1,4 @@
-"""The anchors of friction: for each node the point of the body's material that it sticks to."""
+"""ContactHistory: anchors of friction, the points of bodies' material to which nodes stick."""
 
 from __future__ import annotations
 
@@ -15,38 +15,43 @@ from .bodies import ContactBody, Expected, NodeGaps, corners_of, from_material, 
 
 _ARRAYS = ("body", "_material", "_triangle", "_corners", "_local", "_normal", "gap", "sticking", "slip", "swept")
 
-# Bodies are level where the normals of one and the other differ by less than this cosine says.
+# Two adjacent bodies form one smooth surface if the cosine between their normals is above this.
 LEVEL = 0.999
 
 
 class ContactHistory:
-    """Anchors of the nodes, in the material of the bodies, so that they move, turn and stretch with them.
+    """Anchors of the nodes in the material of the bodies, with which they move, turn and stretch.
 
-    A sticking node keeps its anchor, so errors of single frames do not add up to creep. A slipping node's anchor
-    follows it; an open node's is the material below it, so that a touch between two frames drags from there.
+    A sticking node keeps its anchor, so that errors of frames do not add up to creep. The anchor of a slipping node
+    follows the node. The anchor of an open node is the material below it. Slip after a contact that begins between two
+    frames is then counted from this anchor.
+
+    Args:
+        count: number of nodes, m.
 
     Attributes:
-        body: index of the body that each anchor belongs to, -1 without, shape (m,).
-        gap: above it in the last frame [m], shape (m,). sticking: which nodes stuck there, shape (m,).
+        body: index of the body of each anchor, shape (m,); -1 without an anchor.
+        gap: gap of each node above its anchor in the last frame [m], shape (m,).
+        sticking: whether each node stuck in the last frame, shape (m,).
         slip: slip of each node in the last frame [m], shape (m, 3).
-        swept: slip that the nodes would have had if the skin had not moved [m], shape (m, 3).
+        swept: slip that each node would have had if the skin had not moved [m], shape (m, 3).
     """
 
     def __init__(self, count: int) -> None:
         self.body: Indices = np.full(count, -1)
         self._material = np.zeros((count, 3))
         self._triangle: Indices = np.full(count, -1)
-        self._corners: Indices = np.full((count, 3), -1)  # of the triangle, when the anchor was put there
-        self._local = np.zeros((count, 3))  # where it was on the body at its first scale, when it was looked at last
-        self._faces: dict[int, NDArray[np.integer]] = {}  # triangles of bodies that deform, then
+        self._corners: Indices = np.full((count, 3), -1)  # vertices of the triangle when the anchor was set
+        self._local = np.zeros((count, 3))  # last position on the body at its first scale
+        self._faces: dict[int, NDArray[np.integer]] = {}  # triangles of deforming bodies at that time
         self._normal = np.zeros((count, 3))  # out of the body, in its axes
         self.gap = np.zeros(count)
         self.sticking = np.zeros(count, dtype=bool)
         self.slip, self.swept = np.zeros((count, 3)), np.zeros((count, 3))
-        self._seen: tuple[Sequence[ContactBody], Array] | None = None  # bodies, and where the anchors are on them
+        self._seen: tuple[Sequence[ContactBody], Array] | None = None  # bodies, and the anchors' positions on them
 
     def clear(self) -> None:
-        """Forget everything: the next frame starts from rest."""
+        """Remove all anchors; the next frame starts from rest."""
         self.body[:] = -1
         self.sticking[:] = False
         self._seen = None
@@ -61,7 +66,7 @@ class ContactHistory:
         return other
 
     def rearranged(self, order: Indices, count: int) -> ContactHistory:
-        """Return the history of other points: some of these in a new order, then so many without any."""
+        """Return the history of other points: points `order` of this one, and `count` points without history."""
         other = ContactHistory(len(order) + count)
         for name in _ARRAYS:
             getattr(other, name)[: len(order)] = getattr(self, name)[order]
@@ -71,9 +76,10 @@ class ContactHistory:
     def inherit(
         self, nodes: Indices, source: ContactHistory, sources: Indices, bodies: Sequence[ContactBody], positions: Array
     ) -> None:
-        """Give points the history of others in whose place they come, anchored where they are now.
+        """Give new points the history of the points that they replace, anchored at their own positions.
 
         Args:
+            nodes: indices of the new points, shape (n,).
             source: history of the former points.
             sources: index of the former point that each new point replaces, shape (n,).
             bodies: the bodies as they were in the last frame.
@@ -90,12 +96,14 @@ class ContactHistory:
         search_radius: float,
         ahead: Callable[[Array], Array] | None = None,
     ) -> Expected:
-        """Return where nodes are to be looked for in the next frame.
+        """Return the expected positions of the nodes in the next frame.
 
         Args:
-            bodies: posed as they are then. deformed: nodes as the last frame left them [m], shape (m, 3).
-            search_radius: a body that moved farther than this takes nothing along [m].
-            ahead: says how far skin that slips is expected to move [m], shape (3,), for how far the anchors moved.
+            bodies: bodies in the next frame.
+            deformed: positions of the nodes in the last frame [m], shape (m, 3).
+            search_radius: sticking nodes do not move with a body that moved farther than this [m].
+            ahead: function from the movement of the anchors [m], shape (m, 3), to the expected movement of slipping
+                skin [m], shape (3,).
         """
         anchors, normal = self._anchors(bodies), self.normals(bodies)
         moved = anchors - deformed
@@ -104,7 +112,10 @@ class ContactHistory:
         return Expected(places, anchors + self.gap[:, None] * normal, normal, self.body)
 
     def _anchors(self, bodies: Sequence[ContactBody]) -> Array:
-        """Return where the anchors are on bodies [m], shape (m, 3), nan without any: a frame asks for it twice."""
+        """Return the positions of the anchors on bodies [m], shape (m, 3); nan without an anchor.
+
+        They are kept, because a frame needs them twice.
+        """
         if self._seen is None or self._seen[0] is not bodies:
             shaped = [(i, own) for i, own in owned(self.body) if bodies[i].deforms or i in self._faces]
             for index, own in shaped:
@@ -116,9 +127,10 @@ class ContactHistory:
         return self._seen[1]
 
     def _meet(self, index: int, own: Indices | slice, surface: Surface | Plane) -> None:
-        """See a body that deforms; where it has other faces now, its anchors keep their places in its own space.
+        """Take the present faces of a deforming body.
 
-        How its matter moves from the old faces to the new ones is not known.
+        If the faces have changed, the movement of the material is not known. The anchors then keep their positions in
+        the body's own space.
         """
         if not isinstance(surface, Surface):
             return
@@ -131,26 +143,29 @@ class ContactHistory:
         self._material[nodes], self._triangle[nodes], self._corners[nodes] = self._local[nodes], -1, -1
 
     def normals(self, bodies: Sequence[ContactBody]) -> Array:
-        """Return the normals of the surfaces that points were above, turned with their bodies, shape (m, 3)."""
+        """Return the normals of the surfaces above which the nodes were, turned with their bodies, shape (m, 3)."""
         normal = np.zeros_like(self._normal)
         for index, own in owned(self.body):
             normal[own] = self._normal[own] @ bodies[index].rotation.T
         return normal
 
     def offset(self, gaps: NodeGaps, points: Array) -> Array:
-        """Return b of the contact problem: the gap along the normal, the slip since the anchor across it.
+        """Return the offset b of the contact problem: the gap along the normal, and the slip across it.
+
+        The slip is counted from the anchor. It is zero if there is no anchor on the closest body, or on one that forms
+        a smooth surface with it.
 
         Args:
             gaps: present gaps of the nodes.
             points: undeformed nodes [m], shape (m, 3).
 
         Returns:
-            [m], shape (m, 3); the slip is zero where there is no anchor on the closest body, or one level with it.
+            b [m], shape (m, 3).
         """
         normal = gaps.normal
         anchored = (self.body == gaps.body) & (self.body >= 0)
         other = np.flatnonzero((self.body != gaps.body) & (self.body >= 0) & (gaps.body >= 0))
-        if other.size:  # over a seam to a level body: friction goes on
+        if other.size:  # friction continues across the seam to a body that continues the surface
             there = np.array([not body.away for body in gaps.bodies])[self.body[other]]
             level = np.einsum("ij,ij->i", self.normals(gaps.bodies)[other], normal[other]) > LEVEL
             anchored[other[there & level]] = True
@@ -166,12 +181,14 @@ class ContactHistory:
     def keep(
         self, gaps: NodeGaps, sticking: NDArray[np.bool_], positions: Array, gap: Array, moved: Sequence[Indices] = ()
     ) -> None:
-        """Move the anchors of all nodes that do not stick to where they are now.
+        """Move the anchors of all nodes that do not stick to their present positions.
 
         Args:
-            positions: positions of the nodes, projected on the bodies' surfaces [m], shape (m, 3).
+            gaps: present gaps of the nodes.
+            sticking: whether each node sticks, shape (m,).
+            positions: positions of the nodes, projected onto the bodies' surfaces [m], shape (m, 3).
             gap: gap between node and surface [m], shape (m,).
-            moved: nodes whose anchors are moved though they stick, shape (k,) each.
+            moved: indices of nodes whose anchors are moved even if they stick, shape (k,) each.
         """
         near = gaps.body >= 0
         renewed = near & ~(sticking & (self.body == gaps.body))

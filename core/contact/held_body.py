@@ -6,7 +6,7 @@ balanced only if the skin of every finger that holds it is simulated, because th
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,30 @@ def can_be_held(scene: TactileScene, b: int, animated: Collection[str]) -> bool:
         return False  # a body without a mass is not held
     mode = BODY["held_mode"].of(given, f"object '{scene.bodies[b].name}'")
     return mode == "keyed" or (mode == "auto" and len(scene.fingers) > 1)
+
+
+def lots_of(met: Iterable[tuple[int, int]], bodies: Collection[int], fingers: Iterable[int]) -> list[tuple[int, ...]]:
+    """Divide fingers into lots: two fingers that meet the same body are in one lot.
+
+    Args:
+        met: pairs of a finger and a body that come near each other at some time.
+        bodies: bodies that count.
+        fingers: fingers to divide.
+
+    Returns:
+        Fingers of each lot in rising order; lots in the order of their first finger.
+    """
+    lots = {f: {f} for f in fingers}
+    first: dict[int, int] = {}
+    for f, b in sorted(met):
+        if b not in bodies or f not in lots:
+            continue
+        other = first.setdefault(b, f)
+        if lots[f] is not lots[other]:
+            lots[other] |= lots[f]
+            for member in lots[f]:
+                lots[member] = lots[other]
+    return sorted({tuple(sorted(lot)) for lot in lots.values()})
 
 
 def may_be_held(scene: TactileScene, b: int, chunk: Chunk) -> bool:

@@ -22,9 +22,8 @@ from ..scene.regrouped import Regrouped
 from ..scene.tactile_scene import Chunk, TactileScene
 from ..skin.model import SkinModel
 from .held_bodies import HeldBodies
-from .held_body import can_be_held, may_be_held
+from .held_body import can_be_held, lots_of, may_be_held
 from .holding_times import holding_times
-from .lots import lots_of
 from .pad_contact import PadContact, PairContact
 from .pad_sampler import PadSampler
 from .posed_scene import PosedScene

@@ -124,8 +124,7 @@ def shares_of(scene: TactileScene, pad_contact: PadContact, skins: Collection[in
     Args:
         skins: fingers whose skin is simulated. Others are in a lot where they may hold something with one of these.
     """
-    from ..contact.held_body import can_be_held
-    from ..contact.lots import lots_of
+    from ..contact.held_body import can_be_held, lots_of
 
     holdable = {b for b in range(len(scene.bodies)) if can_be_held(scene, b, pad_contact.animated)}
     near = {f: np.zeros(len(pad_contact.times), bool) for f in skins}

@@ -11,7 +11,7 @@ from typing import Any
 from ..errors import DermisError
 from .device_options import log_from, request_from
 from .signals import Interrupted, Signals
-from .touch_panel_session import PanelSession
+from .touch_panel_session import TouchPanelSession
 from .touch_sources import touch_input
 
 TELL_TOUCHES = ("native", "osc")  # protocols whose device may have a touch panel of its own
@@ -43,7 +43,7 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     more = {"mode": "panel", "screen": str(options.map), "ramp": 0.0, "play_on": True, **log_from(options)}
     request = request_from(options, options.device or "electrovibration", connect=True, **more)
     given, signals = touch_input(options.touch, options.unit, screen.size), Signals()
-    session = PanelSession(request, screen, given, signals)
+    session = TouchPanelSession(request, screen, given, signals)
     with signals.caught():
         try:
             session.prepare(screen.device.limit)

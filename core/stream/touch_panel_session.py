@@ -1,4 +1,4 @@
-"""PanelSession: a screen that follows a finger from connecting to 0 V, and its results."""
+"""TouchPanelSession: a screen that follows a finger from connecting to 0 V, and its results."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .touch_panel_source import PanelSource, Screen
 from .virtual.link import open_any_link
 
 
-class PanelSession(LocalStream):
+class TouchPanelSession(LocalStream):
     """A screen that follows a finger, from connecting to 0 V.
 
     Args:

@@ -32,9 +32,8 @@ from ..scene.tactile_scene import Mesh
 from . import shapes
 from .gap_query import GapQuery
 from .kernel_body import KernelBody
-from .nearest import PlainTriangles
-from .pieces import pieces
-from .planes import Planes
+from .plain_triangles import PlainTriangles
+from .planes import Planes, pieces
 from .surface_normals import SurfaceNormals
 from .topology import Topology, topology_of
 from .triangle_tree import TriangleTree

@@ -19,7 +19,7 @@ from core.errors import DermisError
 from core.kernels import building, library, records
 from core.surface.gap import Surface
 from core.surface.gap_query import GapQuery
-from core.surface.nearest import PlainTriangles
+from core.surface.plain_triangles import PlainTriangles
 from tests.closest_points import nearest
 from tests.kernel_arrays import Arrays, address, drawn, gcc, opened
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import bpy
 import numpy as np
@@ -55,17 +55,73 @@ def _tree(obj: bpy.types.Object) -> tuple[bpy.types.Object, ...]:
 
 def bones_of_parts(
     parts: Sequence[bpy.types.Object],
-) -> tuple[dict[str, tuple[bpy.types.Object, str]], dict[str, Bone]]:
-    """Return parts as bones, by name: each begins at its origin and ends at its child's, else at its far end."""
-    names, bones = {part.name for part in parts}, {}
-    for part in parts:
-        matrix = np.array(part.matrix_world, np.float64)
-        after = [child for child in part.children if child.name in names]
-        middle = matrix[:3, :3] @ np.mean(np.array(part.bound_box), axis=0) + matrix[:3, 3]
-        tail = np.array(after[0].matrix_world.translation) if len(after) == 1 else 2.0 * middle - matrix[:3, 3]
-        parent = part.parent.name if part.parent is not None and part.parent.name in names else ""
-        bones[part.name] = Bone(part.name, parent, matrix[:3, 3], tail)
-    return {part.name: (part, "") for part in parts}, bones
+) -> tuple[dict[str, tuple[bpy.types.Object, str]], dict[str, Bone], dict[str, str]]:
+    """Return links as bones, by name, and the link that each mesh is the body of.
+
+    Each begins at its origin and ends at its child's, else at the far end of its body. A mesh that carries nothing and
+    hangs on an empty is that empty's body, as importers of robots make them. Of empties without a body, those that lie
+    beyond a last link mark its end, and others are left out.
+    """
+    names = {part.name: part for part in parts}
+    body = {part.name: part.name for part in parts if part.type == "MESH"}
+    for name in body:
+        above = names[name].parent
+        if above is not None and above.name in names and above.type == "EMPTY" and not _carried(names[name], names):
+            body[name] = above.name
+    links = {name: part for name, part in names.items() if body.get(name, name) == name}
+    solid = set(body.values())
+    for name in _frames(links, solid):
+        del links[name]
+    at = {name: np.array(part.matrix_world.translation, np.float64) for name, part in links.items()}
+    middles: dict[str, Array] = {}
+    for name, part in links.items():
+        own = [names[mesh] for mesh, owner in body.items() if owner == name]
+        middle = np.mean([_middle(mesh) for mesh in own], axis=0) if own else at[name]
+        above = part.parent
+        last = above is not None and above.name in links and not _carried(part, links)
+        if own and last and part.type == "EMPTY" and (middle - at[name]) @ (at[name] - at[above.name]) < 0.0:
+            # Its body lies behind its origin: it is the end of the link that carries it.
+            body.update({mesh.name: above.name for mesh in own})
+            middle = at[name]
+        middles[name] = middle
+    bones = {}
+    for name, part in links.items():
+        after = _carried(part, links)
+        tail = at[after[0].name] if len(after) == 1 else 2.0 * middles[name] - at[name]
+        bones[name] = Bone(
+            name, part.parent.name if part.parent is not None and part.parent.name in links else "", at[name], tail
+        )
+    return {name: (part, "") for name, part in links.items()}, bones, body
+
+
+def _carried(part: bpy.types.Object, among: Mapping[str, bpy.types.Object]) -> list[bpy.types.Object]:
+    return [child for child in part.children if child.name in among]
+
+
+def _middle(mesh: bpy.types.Object) -> Array:
+    """Return the middle of a mesh's box in the scene's space, shape (3,)."""
+    matrix = np.array(mesh.matrix_world, np.float64)
+    middle: Array = matrix[:3, :3] @ np.mean(np.array(mesh.bound_box), axis=0) + matrix[:3, 3]
+    return middle
+
+
+def _frames(links: Mapping[str, bpy.types.Object], solid: Collection[str]) -> set[str]:
+    """Return the empties that carry no body and mark no end: beside links with one, or nearer than another one."""
+    filled = {name for name in solid if name in links}
+    for name in list(filled):
+        above = links[name].parent
+        while above is not None and above.name in links:
+            filled.add(above.name)
+            above = above.parent
+    found: set[str] = set()
+    for name in filled:
+        bare = [child for child in _carried(links[name], links) if child.name not in filled]
+        goes_on = any(child.name in filled for child in _carried(links[name], links))
+        start = links[name].matrix_world.translation
+        bare.sort(key=lambda child: (child.matrix_world.translation - start).length)
+        for child in bare if goes_on else bare[:-1]:
+            found |= {child.name, *(below.name for below in child.children_recursive)} & set(links)
+    return found
 
 
 def sized(obj: bpy.types.Object) -> bool:

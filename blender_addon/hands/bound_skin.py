@@ -68,19 +68,24 @@ def bound_skin(armature: bpy.types.Object, context: bpy.types.Context) -> BoundS
     return BoundSkin({name: np.concatenate(parts) for name, parts in found.items() if name in names})
 
 
-def own_skin(parts: Sequence[bpy.types.Object], context: bpy.types.Context) -> BoundSkin:
+def own_skin(
+    parts: Sequence[bpy.types.Object], body: Mapping[str, str], context: bpy.types.Context
+) -> BoundSkin:
     """Return the skin of a hand without an armature, which consists of separate parts.
 
-    Each part's name is used as the name of a bone. Parts that are hidden or are not meshes are left out.
+    Parts that are hidden or are not meshes are left out.
+
+    Args:
+        body: the part, as the name of a bone, that each mesh is the body of.
     """
     depsgraph = context.evaluated_depsgraph_get()
-    found = {}
+    found: dict[str, list[Array]] = defaultdict(list)
     for part in parts:
         if part.type == "MESH" and part.visible_get(view_layer=context.view_layer):
             corners, points = _read(part.evaluated_get(depsgraph))
             if len(corners):
-                found[part.name] = points[corners]
-    return BoundSkin(found)
+                found[body[part.name]].append(points[corners])
+    return BoundSkin({name: np.concatenate(own) for name, own in found.items()})
 
 
 def _deformed(obj: bpy.types.Object, armature: bpy.types.Object) -> bool:

@@ -14,6 +14,7 @@ from .skeleton import Bone, Chain, Hand, ancestors, ended, joints
 _FEWEST, _MOST = 3, 5  # fingers of a hand
 _ALONG = 0.7  # of the way from a bone's head to the next bone: what begins before, and carries nothing, is a helper
 _DISTINCT = 0.35  # [rad] how far one of four fingers points away from the others' mean if it is a thumb
+_ACROSS = 0.7  # [rad] more than the others: it lies across the palm, as no finger but a thumb does, however long it is
 
 
 def branched_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> list[Hand]:
@@ -41,14 +42,16 @@ def branched_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) ->
 def opposes(start: Array, thumb: Array, others: list[Array]) -> bool:
     """Return whether a finger is a thumb, by lines of joints (n, 3): it points away from the others, seen from `start`.
 
-    Of fewer than five fingers it may be one of four long ones; a thumb points well away and reaches less far.
+    Of fewer than five fingers it may be one of four long ones; a thumb points well away and reaches less far, or it
+    lies across the palm, as a robot's does.
     """
     away = _angles_away(start, [thumb, *others])
     beyond = away[0] - max(away[1:])
     if len(others) == _MOST - 1:
         return beyond >= 0.0
     reach = [float(np.linalg.norm(line[-1] - start)) for line in (thumb, *others)]
-    return bool(beyond >= _DISTINCT / 3 and away[0] >= _DISTINCT and reach[0] < np.median(reach[1:]))
+    short = away[0] >= _DISTINCT and reach[0] < np.median(reach[1:])
+    return bool(beyond >= _ACROSS or (short and beyond >= _DISTINCT / 3))
 
 
 def _angles_away(start: Array, lines: list[Array]) -> list[float]:

@@ -40,6 +40,8 @@ def found_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> li
     judge = _Judge(bones, weighted)
     groups: list[list[Hand]] = []
     for hand in (*named_hands(bones, weighted), *branched_hands(bones, weighted)):
+        if not all(np.ptp(joints(bones, chain)[-2:], axis=0).any() for chain in hand.chains.values()):
+            continue  # markers of ends, as robots have them, are no fingers
         hand = judge.judged(hand)
         group = next((g for g in groups if any(_same(hand, other) for other in g)), None)
         if group is None:

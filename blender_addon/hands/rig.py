@@ -149,8 +149,8 @@ def _of(context: bpy.types.Context, parts: tuple[bpy.types.Object, ...]) -> Rig:
 
 def _of_parts(context: bpy.types.Context, parts: tuple[bpy.types.Object, ...]) -> Rig:
     """Return parts without an armature as one rig."""
-    places, bones = armatures.bones_of_parts(parts)
-    skin = own_skin(parts, context)
+    places, bones, body = armatures.bones_of_parts(parts)
+    skin = own_skin(parts, body, context)
     carried = ((part.name, child) for part in parts for child in part.children)
     there = {name: child.name for name, child in carried if child.dermis.role == "FINGER"}
     return Rig(parts, places, bones, skin, tuple(found_hands(bones, skin.bones)), there, picked=False)

@@ -1,6 +1,7 @@
 # mypy: disable-error-code="valid-type"
 """Attach fingers to the hand of an armature; the panel of the last operation corrects the result."""
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -194,8 +195,9 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         if self.hand == "AUTO":
             side = next(iter(sides)) if hung.picked or RIGHT not in sides else RIGHT
             return {side: sides[side]}
-        if self.hand not in sides and "" in sides:  # the person says which
-            return {self.hand: sides[""]}
+        only = next(iter(sides.values()))
+        if self.hand not in sides and len(sides) == 1 and not only.side:  # no name says which: the person does
+            return {self.hand: replace(only, side=self.hand)}
         if self.hand not in sides:
             raise DermisError(
                 f"it has no {SIDES[self.hand]}", where=hung.where, limit=" and ".join(SIDES[side] for side in sides)

@@ -16,7 +16,7 @@ from blender_addon.hands.rig import read
 from blender_addon.results import store
 
 from . import hand_rigs
-from .build import CUBE, CUBE_FACES, cube, keys, mesh_object, span
+from .build import CUBE, CUBE_FACES, cube, empty, keys, mesh_object, span
 from .hand_rigs import FINGERS, HandRig, hand
 from .test_undo import push, undo
 
@@ -590,6 +590,73 @@ def test_instanced_parts_without_an_armature_are_one_hand(side: str) -> None:
     bpy.context.view_layer.objects.active = last["thumb"]
     with pytest.raises(RuntimeError, match=r"object 'Part' and its parts: no finger is chosen.*are there already"):
         bpy.ops.dermis.attach_fingers()
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
+@pytest.mark.parametrize("behind", [False, True])
+def test_links_with_meshes_frames_and_ends_are_one_hand(behind: bool, side: str) -> None:
+    """Importers of robots make an empty for each link, which its meshes hang on, and more for frames and ends.
+
+    Args:
+        behind: a last link's body is not its own but hangs on the frame of its end, behind it.
+    """
+
+    def frame(name: str, parent: bpy.types.Object | None, at: np.ndarray) -> bpy.types.Object:
+        made = empty(name)
+        made.parent = parent
+        bpy.context.view_layer.update()
+        made.matrix_world = Matrix.Translation(at.tolist())
+        bpy.context.view_layer.update()
+        return made
+
+    def body(link: bpy.types.Object, axes: np.ndarray, at: np.ndarray, size: tuple[float, float, float]) -> None:
+        made = mesh_object("Visual", np.array(CUBE) * size @ axes.T, CUBE_FACES)
+        made.parent = link
+        bpy.context.view_layer.update()
+        made.matrix_world = Matrix.Translation(at.tolist())
+        bpy.context.view_layer.update()
+
+    mirror = np.array([-1.0 if side == "L" else 1.0, 1.0, 1.0]) * 1e-3
+    palm = frame("base", frame("world", None, np.zeros(3)), np.zeros(3))
+    body(palm, np.eye(3), np.array([0.0, 0.04, 0.0]), (0.06, 0.08, 0.02))
+    frame("camera", palm, np.array([0.0, 0.05, 0.03]))
+    last: dict[str, bpy.types.Object] = {}
+    for finger, (line, nails) in hand_rigs.joints().items():
+        parent = palm
+        for i in range(3):
+            ahead, nail = (hand_rigs.unit(way * mirror) for way in (line[i + 1] - line[i], nails[i]))
+            axes = np.stack([np.cross(ahead, nail), ahead, nail], axis=1)
+            parent = last[finger] = frame(f"{'abcde'[FINGERS.index(finger)]}{i}", parent, line[i] * mirror)
+            size = (0.016, float(np.linalg.norm((line[i + 1] - line[i]) * mirror)), 0.014)
+            middle = 0.5 * (line[i] + line[i + 1]) * mirror
+            if i < 2 or not behind:
+                body(parent, axes, middle, size)
+        end = frame(f"end {finger}", parent, line[3] * mirror)
+        frame(f"sensor {finger}", parent, 0.5 * (line[2] + line[3]) * mirror)
+        if behind:
+            body(end, axes, middle, size)
+    bpy.context.view_layer.objects.active = last["ring"]
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert {o.name for o in fingers().values()} == {f"{f.title()}.{side}" for f in FINGERS}
+    for finger, obj in fingers().items():
+        line, nails = hand_rigs.joints()[finger]
+        assert obj.parent == last[finger]
+        assert obj.dermis.finger.skin.width_mm == pytest.approx(16.0, rel=0.15)  # a box is no preset's shape
+        nail = nails[2] * mirror * 1e3
+        pad = np.array(obj.matrix_world.translation) - line[2] * mirror
+        assert pad @ nail == pytest.approx(-7e-3, abs=3e-4), finger
+        assert np.array(obj.matrix_world)[:3, 2] @ nail > 0.98
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
+def test_a_person_says_the_side_that_no_name_says(side: str) -> None:
+    hand(hand_rigs.nameless, "R", wrist="Bone", bend=0.0)
+    assert bpy.ops.dermis.attach_fingers(hand=side) == {"FINISHED"}
+    assert {o.name for o in fingers().values()} == {f"{f.title()}.{side}" for f in FINGERS}
+    up = -1.0 if side == "L" else 1.0  # a right hand's bones are a left one's that is turned over
+    for finger, obj in fingers().items():
+        if finger != "thumb":
+            assert up * obj.matrix_world.col[2].z > 0.98, finger
 
 
 def test_parts_that_are_no_hand_are_refused() -> None:

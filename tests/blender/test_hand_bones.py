@@ -147,6 +147,20 @@ def test_a_hand_without_a_thumb_has_none() -> None:
     )
 
 
+@pytest.mark.parametrize("length", [20.0, 60.0])
+def test_a_robots_thumb_that_lies_across_the_palm_is_one_however_long_it_is(length: float) -> None:
+    bones = {"palm": bone("palm")}
+    ways = ([-1.0, 0.0, -0.2], [-0.2, 1.0, 0.0], [0.0, 1.0, 0.0], [0.2, 1.0, 0.0])
+    for i, way in enumerate(ways):
+        for p in range(3):
+            step = (length if i == 0 else 25.0) * np.array(way)
+            at = np.array([-20.0, 10.0, 0.0] if i == 0 else [20.0 * i - 40.0, 60.0, 0.0]) + p * step
+            bones[f"{i} {p}"] = Bone(f"{i} {p}", f"{i} {p - 1}" if p else "palm", at, at + step)
+    (hand,) = found_hands(bones)
+    assert [hand.chains[f].last for f in FINGERS[:4]] == ["0 2", "1 2", "2 2", "3 2"]
+    assert set(hand.chains) == set(FINGERS[:4])
+
+
 def test_feet_and_faces_are_no_hands() -> None:
     bones = {"head": bone("head")} | {f"face {i}": bone(f"face {i}", "head") for i in range(4)}
     assert found_hands(bones) == []

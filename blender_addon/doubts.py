@@ -18,6 +18,7 @@ from .sampling import participants
 
 HUGE = 3.0  # [m] things that a fingertip touches are smaller, as a rule
 OUTLIER = 2.0  # times as wide or as narrow as the others of its hand that a finger is doubted
+OFF = 0.1  # of a finger's width: 1 mm is asked of a pad that is placed well, and wrong ones were off by 0.18 and more
 UNLIKE = 4.0  # times as long or as short as its bone that a fingertip is doubted
 _KEYS = 40  # of a finger that are looked at
 _DEEPEST = 2e-3  # [m] that linear skin is trusted to, as the engine's finding 'too-deep' says
@@ -54,6 +55,7 @@ def look(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt
     for finger in fingers:
         found += [*_finger(finger, unit), *_unlike(finger, fingers)]
         if view_layer.depsgraph is not None:
+            found += _off_skin(finger, view_layer, view_layer.depsgraph, unit)
             found += _swallowed(finger, solids, view_layer.depsgraph, unit)
             found += _pressed(finger, solids, view_layer.depsgraph, unit)
     return tuple(found)
@@ -99,6 +101,11 @@ def mend(context: bpy.types.Context, code: str, name: str) -> None:
         scale = _others_width(obj, list(scene.objects)) / skin_properties.lengths(skin)["width"]
         values = skin_properties.shape_and_material(skin)
         skin_properties.apply_preset(skin, {n: v * (scale if n in _LENGTHS else 1.0) for n, v in values.items()})
+    elif code == "pad-off-skin":
+        spot = _skin_near(obj, context.view_layer, context.evaluated_depsgraph_get())
+        if spot is None:
+            raise DermisError("its hand shows no skin", where=f"finger '{name}'")
+        obj.matrix_world = Matrix.Translation(spot.point - obj.matrix_world.translation) @ obj.matrix_world
     elif code == "inside":
         into_open(context, obj)
     elif code == "away":
@@ -166,6 +173,38 @@ def _unlike(finger: bpy.types.Object, fingers: Sequence[bpy.types.Object]) -> It
     if others and not 1.0 / OUTLIER < width / others < OUTLIER:
         text = f"{finger.name} is {1e3 * width:.3g} mm wide, the other fingers of its hand {1e3 * others:.3g} mm"
         yield Doubt("finger-unlike", finger.name, text, "Make It as Wide as the Others")
+
+
+def _off_skin(
+    finger: bpy.types.Object, view_layer: bpy.types.ViewLayer, depsgraph: bpy.types.Depsgraph, unit: float
+) -> Iterator[Doubt]:
+    """Doubt a finger of a hand whose pad does not lie on the hand's skin."""
+    spot = _skin_near(finger, view_layer, depsgraph)
+    if spot is None:
+        return
+    miss = unit * (spot.point - finger.matrix_world.translation).length
+    if miss > OFF * skin_properties.lengths(finger.dermis.finger.skin)["width"]:
+        text = f"The pad of {finger.name} is {1e3 * miss:.3g} mm off the skin of its hand"
+        yield Doubt("pad-off-skin", finger.name, text, "Put It on the Skin")
+
+
+def _skin_near(
+    finger: bpy.types.Object, view_layer: bpy.types.ViewLayer, depsgraph: bpy.types.Depsgraph
+) -> surfaces.Spot | None:
+    """Return where a hand's skin, of meshes that follow the finger's bone, is nearest to its pad; None without any."""
+    hand, bone = finger.parent, finger.parent_bone
+    if hand is None or hand.type != "ARMATURE" or finger.parent_type != "BONE" or bone not in hand.data.bones:
+        return None
+    if not hand.data.bones[bone].use_deform:
+        return None
+    spots = [
+        surfaces.nearest(obj, finger.matrix_world.translation, depsgraph)
+        for obj in view_layer.objects
+        if obj.type == "MESH" and bone in obj.vertex_groups and obj.visible_get(view_layer=view_layer)
+        if any(m.type == "ARMATURE" and m.object == hand and m.show_viewport for m in obj.modifiers)
+    ]
+    place = finger.matrix_world.translation
+    return min(filter(None, spots), key=lambda spot: (spot.point - place).length, default=None)
 
 
 def _others_width(finger: bpy.types.Object, objects: Sequence[bpy.types.Object]) -> float:

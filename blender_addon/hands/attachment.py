@@ -12,6 +12,7 @@ from mathutils import Matrix
 
 from .. import fingertip_mesh
 from .._core import DermisError, Finding, core
+from ..doubts import OFF
 from ..preferences import library
 from ..properties import skin_properties
 from ..quantities import metres_per_unit
@@ -32,7 +33,6 @@ PRESETS: Mapping[str, tuple[str, ...]] = {
 }
 HUMAN = (0.25, 4.0)  # scale of presets: a hand beyond it is no person's, and units may be wrong
 POINTS = (0.5, 2.0)  # scale of presets at which points of the skin, 0.1 to 0.8 mm apart, are as fine as it wants
-OFF = 0.1  # of a finger's width: 1 mm is asked of a pad that is placed well, and wrong ones were off by 0.18 and more
 _LENGTHS = core.parameters.skin.LENGTHS
 _Values = Mapping[str, Any]  # of a skin preset, in SI
 

@@ -57,6 +57,7 @@ def check(rig: HandRig, metres: float = 1.0) -> None:
         assert np.linalg.det(frame[:3, :3]) == pytest.approx(1.0, abs=1e-4)
         assert frame[:3, 2] @ rig.nails[name] > 0.98, name
         size = obj.dermis.finger.skin
+        assert size.preset.startswith("thumb") == (name == "thumb")
         ahead = (rig.tips[name] - frame[:3, 3]) @ frame[:3, 1] * metres
         assert ahead == pytest.approx(1e-3 * size.tip_mm, rel=0.05), name
         if tree is not None:

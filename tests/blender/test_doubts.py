@@ -8,7 +8,7 @@ from math import radians
 import bpy
 import numpy as np
 import pytest
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 from blender_addon import doubts
 from blender_addon.demos import demo_thimble, touches
@@ -257,3 +257,24 @@ def test_a_finger_unlike_the_others_of_its_hand_is_doubted_and_mended() -> None:
     assert found()["finger-unlike"] == ring.name
     mend("finger-unlike")
     assert skin_properties.lengths(skin)["width"] == pytest.approx(whole, rel=0.25)
+
+
+def test_a_pad_off_the_skin_of_its_hand_is_doubted_and_put_there() -> None:
+    rig = hand(unreal, "R", wrist="hand_r").armature
+    bpy.context.view_layer.objects.active = rig
+    rig.select_set(True)
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert found() == {}
+    ring = next(obj for obj in bpy.data.objects if obj.dermis.role == "FINGER" and obj.name.startswith("Ring"))
+    on_skin = ring.matrix_world.copy()
+    ring.matrix_world = Matrix.Translation(-4e-3 * on_skin.col[2].to_3d()) @ on_skin  # 26 % of its width
+    assert found() == {"pad-off-skin": ring.name}
+    mend("pad-off-skin")
+    assert (ring.matrix_world.translation - on_skin.translation).length < 0.5e-3
+    assert ring.matrix_world.to_quaternion().rotation_difference(on_skin.to_quaternion()).angle < 1e-3
+    rig.pose.bones[ring.parent_bone].rotation_mode = "XYZ"
+    rig.pose.bones[ring.parent_bone].rotation_euler = (0.8, 0.0, 0.0)
+    assert found() == {}  # it follows the pose as the skin does
+    next(obj for obj in bpy.data.objects if obj.name.startswith("Skin")).hide_set(True)
+    ring.matrix_world = Matrix.Translation((0.0, 0.0, 0.1)) @ ring.matrix_world
+    assert found() == {}  # nothing shows where the skin is

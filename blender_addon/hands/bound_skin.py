@@ -68,9 +68,7 @@ def bound_skin(armature: bpy.types.Object, context: bpy.types.Context) -> BoundS
     return BoundSkin({name: np.concatenate(parts) for name, parts in found.items() if name in names})
 
 
-def own_skin(
-    parts: Sequence[bpy.types.Object], body: Mapping[str, str], context: bpy.types.Context
-) -> BoundSkin:
+def own_skin(parts: Sequence[bpy.types.Object], body: Mapping[str, str], context: bpy.types.Context) -> BoundSkin:
     """Return the skin of a hand without an armature, which consists of separate parts.
 
     Parts that are hidden or are not meshes are left out.

@@ -1,11 +1,12 @@
-"""Recorded: following sensor readings with a model learned from a recording of the real sensor in the real device.
+"""RecordedMatcher: matching of sensor readings by a model learned from a recording.
 
-The recording alone gives its channels a meaning: nothing of the simulated skin can check them, take the model's place
-or judge the match. The device stays where the recording has been, for polynomials do not extrapolate.
+The recording is of a real sensor in the real device. Its channels have no meaning for the simulated skin, which can
+therefore neither check the model nor judge the match. The device stays within the recorded poses, because polynomials
+do not extrapolate.
 
-The model is a quadratic polynomial of the pose and of how deep it presses into a skin of the finger's shape: a sensor
-reads nothing before it touches, which no polynomial of the pose alone can say. A recording tells no friction memory.
-How many components of that depth help is settled by runs that are held out; so is how good the model is.
+The model is a quadratic polynomial of the pose and of its penetration into a skin of the finger's shape. A polynomial
+of the pose alone cannot represent that a sensor reads nothing before contact. The model has no friction history. The
+number of components of the penetration is chosen by the error on runs that are held out, which is also reported.
 
 Source: [S0] 4 and 6, where the skin is a measured one
 """
@@ -33,28 +34,30 @@ from .thimble_use import HOVER
 from .warm_start import recorded_table
 
 MIN_ROWS = 8  # a quadratic polynomial of three unknowns has ten coefficients
-COMPONENTS = (0, 5, 10, 20, 30)  # of depth, that are tried
-FOLDS, STRETCHES = 4, 12  # held out in turn; parts that a recording of one run is cut into
-NOT_GOOD = 0.15  # of the readings: a model that leaves more on runs held out is worth a warning
-SLACK = np.radians(3.0)  # of the servos' range: a real device is assembled less exactly than it is computed
+COMPONENTS = (0, 5, 10, 20, 30)  # numbers of components of the penetration that are tried
+FOLDS, STRETCHES = 4, 12  # folds of the cross-validation, and parts into which a recording of one run is divided
+NOT_GOOD = 0.15  # relative error on held-out runs above which a warning is given
+SLACK = np.radians(3.0)  # tolerance of the servos' range, for inaccuracies of a real device [rad]
 
 
 class RecordedMatcher(StressMatcher):
-    """Follows readings in a recording's own units.
+    """Matches readings in the units of a recording.
 
     Args:
-        device: the mechanism. contact: disc and skin, for the poses in which nothing is touched.
-        model: learned from the table. table: the recording.
+        device: the thimble.
+        contact: contact of its disc with the simulated skin, for poses without contact.
+        model: model learned from the recording.
+        table: the recording.
         change, hover, noise_floor: as in `StressMatcher`.
 
     Attributes:
-        outside: frames since the last reset whose best pose was beyond the recorded ones.
+        outside: number of frames since the last reset whose best pose was outside the recorded range.
 
     Raises:
-        DermisError: no recorded pose makes the channels change, or the servo limits exclude first contact.
+        DermisError: no recorded pose changes the channels, or the servo limits exclude first contact.
     """
 
-    follows_law = False  # of the simulated skin, which knows nothing of the readings
+    follows_law = False  # the law of the simulated skin does not apply to readings
 
     def __init__(
         self,
@@ -74,7 +77,7 @@ class RecordedMatcher(StressMatcher):
         super().__init__(
             device, contact, unknown, model, change=change, hover=hover, noise_floor=noise_floor, table=starts
         )
-        # the predicted reading is all that is known of the skin, and friction is not remembered
+        # Only predicted readings are known, and the model has no friction history.
         self._usual = self._foreseen = 0.0
 
     def reset(self) -> None:
@@ -85,7 +88,7 @@ class RecordedMatcher(StressMatcher):
     def step(self, target: Array, search: Search | None = None, start: Array | None = None) -> ThimbleFrame:
         """Find the pose for the next frame's readings, shape (k,); see `StressMatcher.step`."""
         frame = super().step(target, search)
-        self._pressed = frame.minimum is not None  # the simulated skin's answer to it does not count
+        self._pressed = frame.minimum is not None  # contact of the simulated skin does not count
         return frame
 
     def _search(self, target: Array, limits: ServoLimits) -> Minimum:
@@ -126,10 +129,11 @@ class Recording:
 
     Attributes:
         model: model of all rows.
-        table: the rows, with components of depth as memory, shape (n, components).
-        error: RMS over that of the channels about their mean, on runs that the model of the others has not seen; nan
-            where no channel changes.
-        runs: how many there are. still: channels that never change.
+        table: the rows, with components of the penetration.
+        error: RMS error on held-out runs, relative to the RMS of the channels about their means; nan if no channel
+            changes.
+        runs: number of runs.
+        still: indices of channels that never change.
     """
 
     model: LearnedModel
@@ -161,10 +165,12 @@ class Recording:
 
 
 def learn(table: SampleTable, device: Thimble, contact: DiscContact) -> Recording:
-    """Learn how a sensor reads poses from a recording; any number of channels, in any unit.
+    """Learn the readings of a sensor as a function of the pose, for any number of channels in any unit.
 
     Args:
-        contact: the device's disc against a skin of the finger's shape, for how deep poses press.
+        table: the recording.
+        device: the device that made it.
+        contact: contact of its disc with a skin of the finger's shape, for the penetration.
     """
     trial = TrialForce.of(contact)
     depth = np.array([trial.at(placed(device, device.pose(x)))[0] for x in table.x])
@@ -191,10 +197,11 @@ def learn(table: SampleTable, device: Thimble, contact: DiscContact) -> Recordin
 
 
 def held_out_error(table: SampleTable, fold: Indices) -> float:
-    """Return the error of polynomials on rows that they were not fitted to, one fold after the other; nan for none.
+    """Return the cross-validation error of polynomial fits, relative to the channels' spread; nan without spread.
 
     Args:
-        fold: number of the fold of each row, shape (n,).
+        table: the recording.
+        fold: index of the fold of each row, shape (n,).
     """
     missed = 0.0
     spread = float(((table.channels - table.channels.mean(axis=0)) ** 2).sum())
@@ -205,14 +212,14 @@ def held_out_error(table: SampleTable, fold: Indices) -> float:
 
 
 def _runs(table: SampleTable) -> Indices:
-    """Return the run of each row: as the table says, or, of one that says nothing, stretches of time."""
+    """Return the run of each row: that in the table, or a stretch of time if the table has too few runs."""
     if len(np.unique(table.trajectory)) >= FOLDS:
         return table.trajectory
     return np.arange(len(table.x)) * min(STRETCHES, len(table.x)) // len(table.x)
 
 
 def _components(depth: Array, size: int) -> Subspace:
-    """Return components of depth; none of them is a space too."""
+    """Return the principal components of the penetration; an empty subspace for a size of 0."""
     if size:
         return principal_components(depth, size=size)
     mean = depth.mean(axis=0)
@@ -220,10 +227,16 @@ def _components(depth: Array, size: int) -> Subspace:
 
 
 def check_recording(table: SampleTable, device: Thimble, where: str) -> None:
-    """Refuse a recording that a device cannot have made, or too short to learn from.
+    """Raise an error for a recording that is too short, or that the device cannot have made.
+
+    Args:
+        table: the recording.
+        device: the device.
+        where: name of the recording, for the error.
 
     Raises:
-        DermisError: fewer than eight rows, or a pose beyond the device's range: most often one in degrees or mm.
+        DermisError: there are fewer than `MIN_ROWS` rows, or a pose is outside the device's range, as for poses in
+            degrees or mm.
     """
     if len(table.x) < MIN_ROWS:
         raise DermisError("too few rows to learn from", where=where, value=len(table.x), limit=f">= {MIN_ROWS}")

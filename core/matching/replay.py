@@ -1,7 +1,7 @@
-"""Replay: the forces on the skin while a device goes through given configurations, from rest, with friction's memory.
+"""Replay: forces of a device on the skin along a given motion, with the history of friction.
 
-A bake keeps the device's motion, not the forces on the skin; a replay computes them again, for any sample. Friction
-states are kept at intervals, so that going back a little costs a little.
+A bake stores the motion of a device but not its forces on the skin. A replay computes them again for any sample.
+Friction states are stored at intervals, so that a step back is fast.
 """
 
 from __future__ import annotations
@@ -19,18 +19,20 @@ from ..surrogate.store import contact_of
 from ..track.command_track import CommandTrack
 from .thimble_use import middle_of
 
-INTERVAL = 32  # samples between two states that are kept
+INTERVAL = 32  # number of samples from one stored state to the next
 
 
 class Replay:
-    """A device that goes through configurations on a skin.
+    """Motion of a device on a skin.
 
     Args:
-        device: the mechanism. skin: under the device. friction: Coulomb's coefficient.
-        x: pitch, roll [rad], distance [m], and more where a device has them, at every sample, shape (n, freedoms).
+        device: the device.
+        skin: model of the skin.
+        friction: Coulomb coefficient.
+        x: configuration at every sample: pitch, roll [rad], distance [m] and further values, shape (n, freedoms).
 
     Raises:
-        DermisError: configurations that are not finite or of another shape.
+        DermisError: the configurations are not finite or have another shape.
     """
 
     def __init__(self, device: DiscDevice, skin: SkinModel, friction: float, x: Array) -> None:
@@ -54,10 +56,12 @@ class Replay:
         """Return the contact of the disc with the skin at a sample.
 
         Args:
-            ahead: a configuration shortly after the sample to look at instead; friction remembers the sample itself.
+            sample: index of the sample.
+            ahead: a configuration shortly after the sample, at which contact is solved instead, shape (freedoms,). The
+                friction history is that after the sample.
 
         Raises:
-            DermisError: no such sample.
+            DermisError: the sample does not exist.
         """
         if not 0 <= sample < len(self.x):
             raise DermisError("no such sample", where="replay", value=sample, limit=f"0 to {len(self.x) - 1}")
@@ -70,7 +74,7 @@ class Replay:
         return solution
 
     def _before(self, sample: int) -> FrictionState:
-        """Return the friction state that a sample begins with."""
+        """Return the friction state at the begin of a sample."""
         start = max(k for k in self._states if k <= sample)
         state = self._states[start]
         if start < self._now[0] <= sample:
@@ -90,10 +94,10 @@ class Replay:
 
 
 def configurations(track: CommandTrack, device: DiscDevice) -> Array:
-    """Return the configurations that a track's joints hold the platform in, shape (n, freedoms).
+    """Return the configurations of the platform for the joints in a track, shape (n, freedoms).
 
     Raises:
-        DermisError: the track has no servo channels, or angles that no configuration has.
+        DermisError: the track has no channels for the joints, or no configuration has their values.
     """
     angles = np.stack([track.column(name) for name in _joints(track.spec)], axis=1)
     out, before = np.empty_like(angles), middle_of(track.spec, device)

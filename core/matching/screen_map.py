@@ -1,6 +1,6 @@
-"""ScreenMap: heights, profile and law in one; answers a finger's position with the screen's command.
+"""ScreenMap: height maps of a friction screen, with the profile and the law that give its commands.
 
-A bake asks it at every sample, and so does whoever follows a real finger: the same file, the same answer.
+Bakes and followers of a real finger use the same map, so that they give the same commands.
 """
 
 from __future__ import annotations
@@ -32,10 +32,12 @@ SCHEMA = "dermis-screen-map 1"
 
 @dataclass(frozen=True)
 class Relief:
-    """Properties of the screen under a finger, each of shape (n,); all zero off the screen.
+    """Properties of the screen at positions of a finger, shape (n,) each; zero off the screen.
 
     Attributes:
-        friction: from 0 to 100, before the law. grad_x, grad_y: slopes [m/m]. height: above the lowest point [m].
+        friction: friction from 0 to 100, before the law.
+        grad_x, grad_y: slopes [m/m].
+        height: height above the lowest point [m].
     """
 
     friction: Array
@@ -49,8 +51,10 @@ class Answer:
     """Command of the screen for one touch.
 
     Attributes:
-        amplitude: [V], never above the device's limit. carrier: [Hz]. friction: as asked for.
-        limited: the law asked for more than the limit.
+        amplitude: amplitude, at most the device's limit [V].
+        carrier: carrier frequency [Hz].
+        friction: friction before the limit.
+        limited: whether the amplitude was limited.
     """
 
     amplitude: float
@@ -61,21 +65,25 @@ class Answer:
 
 @dataclass(frozen=True, eq=False)
 class ScreenMap:
-    """Everything that turns a touch into a voltage.
+    """Height maps with all settings that determine the voltage for a touch.
 
     Attributes:
-        heights: row 0 at the bottom, float32, shape (k, rows, columns).
+        heights: height maps, row 0 at the bottom, float32, shape (k, rows, columns).
         size: width and height of the screen [m].
-        height_unit: metres a unit of height, 0 where it has none (then the screen's width counts).
-        device: law and limits.
-        profile: 'slope', 'height' or 'rectangle'. downhill: see `without_downhill`; for 'slope' only.
-        scale: f0: friction for a slope of 1, or friction for a metre of height; 'rectangle' has none.
+        height_unit: length of one unit of height [m]; 0 for the screen's width.
+        device: law and limits of the screen.
+        profile: 'slope', 'height' or 'rectangle'.
+        downhill: see `without_downhill`, for the profile 'slope'.
+        scale: f0, friction for a slope of 1, or for a height of 1 m; not used by 'rectangle'.
         offset: friction of the lowest point, for 'height'.
-        threshold: fraction of the height range from which 'rectangle' is on.
+        threshold: fraction of the range of heights above which 'rectangle' is on.
         lowest, highest: range of heights over the whole bake [units of the map].
         maps_per_second: rate of a sequence of maps [1/s].
-        start: time at which its first map is shown [s]. Heights between two maps are interpolated.
-        direction_window: length of the moving average of the direction [s], for who follows a real finger.
+        start: time at which the first map is shown [s]. Maps are interpolated in time.
+        direction_window: length of the moving average of the direction of a real finger [s].
+
+    Raises:
+        DermisError: a map or a setting is invalid.
     """
 
     heights: Floats32
@@ -109,20 +117,20 @@ class ScreenMap:
 
     @property
     def metres(self) -> float:
-        """Metres that one unit of the map stands for."""
+        """Length of one unit of the map [m]."""
         return metres_of(self.size, self.height_unit)
 
     @property
     def changing(self) -> bool:
-        """Return whether the heights change with time."""
+        """Whether the heights change with time."""
         return len(self.heights) > 1 and self.maps_per_second > 0
 
     def heading(self) -> Heading:
-        """Return a follower of a real finger, which trembles and is reported with jitter."""
+        """Return a filter for the direction of a real finger, whose reported positions have jitter."""
         return Heading(self.direction_window, REST_RADIUS)
 
     def on_screen(self, x: Array, y: Array) -> NDArray[np.bool_]:
-        """Return which points [m] lie on the screen, its border included."""
+        """Return whether points [m] are on the screen, including its border."""
         return (np.abs(x) <= 0.5 * self.size[0]) & (np.abs(y) <= 0.5 * self.size[1])
 
     def relief(
@@ -138,10 +146,10 @@ class ScreenMap:
         """Return the properties that a finger feels at points of the screen.
 
         Args:
-            x, y: [m] from the screen's centre, finite, shape (n,).
+            x, y: positions from the screen's centre [m], finite, shape (n,).
             direction: unit vectors of the motion, or zero before the first movement, shape (n, 2).
-            times: [s], for a sequence of maps, shape (n,).
-            scale, threshold: animated values instead of the map's own, shape (n,).
+            times: times for a sequence of maps [s], shape (n,).
+            scale, threshold: animated values that replace the map's own, shape (n,).
 
         Source: [S4] eq. 5 and Table 1
         """
@@ -164,10 +172,10 @@ class ScreenMap:
         Args:
             x, y: position from the screen's centre [m].
             direction: direction of the motion, of any length; (0, 0) before the first.
-            time: [s], for a sequence of maps.
+            time: time for a sequence of maps [s].
 
         Raises:
-            DermisError: a number that is not finite.
+            DermisError: a number is not finite.
         """
         numbers = (x, y, *direction, time)
         if not all(math.isfinite(n) for n in numbers):
@@ -179,7 +187,7 @@ class ScreenMap:
         return Answer(min(volts, self.device.limit), self.device.carrier, friction, volts > self.device.limit)
 
     def _read(self, x: Array, y: Array, times: Array | None) -> Array:
-        """Read heights and both slopes at points, shape (3, n); of a sequence blended in time."""
+        """Interpolate heights and both slopes at points and times, shape (3, n)."""
         count = len(self.heights)
         at = np.zeros(len(x)) if times is None else (times - self.start) * self.maps_per_second
         at = np.clip(at, 0.0, count - 1)
@@ -196,7 +204,7 @@ class ScreenMap:
         return out
 
     def _slopes_of(self, index: int) -> Floats32:
-        """Return one map's slopes; the last two stay in memory, as many as a moment of a sequence needs."""
+        """Return one map's slopes; the last two maps' are kept, as interpolation in time requires."""
         if index not in self._slopes:
             rows, columns = self.heights.shape[1:]
             spacing = (self.size[0] / columns, self.size[1] / rows)
@@ -206,9 +214,10 @@ class ScreenMap:
         return self._slopes[index]
 
     def save(self, path: str | Path) -> None:
-        """Write the map and the law as one file, whole or not at all, the same bytes every time.
+        """Write maps and settings to one file; equal maps give equal bytes.
 
-        An .npz (a ZIP of .npy) of two arrays: 'heights', and 'meta', the rest as UTF-8 JSON in bytes.
+        The file is an .npz (a ZIP of .npy) of two arrays: 'heights', and 'meta' with all settings as UTF-8 JSON. After
+        an error an existing file is unchanged.
 
         Raises:
             DermisError: the file cannot be written.
@@ -229,10 +238,10 @@ class ScreenMap:
 
     @classmethod
     def load(cls, path: str | Path) -> ScreenMap:
-        """Read a map that `save` wrote.
+        """Read a file of `save`.
 
         Raises:
-            DermisError: missing, damaged, or of another version.
+            DermisError: the file is missing, damaged, or of another version.
         """
         where = f"screen map '{Path(path).name}'"
         with opened_npz(Path(path), where, "a screen map") as archive:
@@ -278,12 +287,12 @@ _FIELDS = (
 
 
 def height_range(heights: Floats32) -> tuple[float, float]:
-    """Return the lowest and highest height of all maps of a bake."""
+    """Return the lowest and the highest height of all maps."""
     return float(heights.min()), float(heights.max())
 
 
 def steepest_of_all(heights: Floats32, size: tuple[float, float], height_unit: float) -> float:
-    """Return the steepest slope [m/m] over all maps of a bake, shape (k, rows, columns), one in memory at a time."""
+    """Return the steepest slope of all maps, shape (k, rows, columns) [m/m]; one map is processed at a time."""
     return max(_slopes_of_all(heights, size, height_unit))
 
 

@@ -1,4 +1,4 @@
-"""ScreenPath: where a pad is on a screen, at the device's times, and the settings that hold there."""
+"""ScreenPath: path of a pad on a screen at the device's times, and the settings of the device."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 
 T = TypeVar("T")
-BEHIND = 0.02  # [m]; a pad deeper than a fingertip is thick lies behind the screen and does not touch it
-SCALE_CHANGE = 1e-4  # relative; float32 matrices differ by less
-SHEAR = 1e-3
+BEHIND = 0.02  # largest depth of a touching pad below the screen [m], more than the thickness of a fingertip
+SCALE_CHANGE = 1e-4  # relative change of scale that is reported; rounding of float32 matrices is smaller
+SHEAR = 1e-3  # cosine between a screen's axes that is reported
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,10 @@ class ScreenPath:
     """A pad's path in a screen's own axes, at the device's times.
 
     Attributes:
-        x, y, z: [m], shape (n,). inside: over the screen. touching: near enough to its plane besides. resting: at rest.
+        x, y, z: positions [m], shape (n,).
+        inside: whether the pad is over the screen, shape (n,).
+        touching: whether it is also within the touch distance of the plane, shape (n,).
+        resting: whether it rests, shape (n,).
     """
 
     x: Array
@@ -49,10 +52,10 @@ class ScreenPath:
 
 
 def screens_of(scene: TactileScene, use: DeviceUse) -> Sequence[int]:
-    """Return the screens that a use concerns: the one that it names, or all.
+    """Return the indices of a use's screens: the one that it names, or all.
 
     Raises:
-        DermisError: no such screen, or none at all.
+        DermisError: the screen does not exist, or the scene has no screen.
     """
     names = [screen.name for screen in scene.screens]
     if not names:
@@ -77,10 +80,10 @@ def screens_of(scene: TactileScene, use: DeviceUse) -> Sequence[int]:
 def screen_path(
     pad_contact: PadContact, scene: TactileScene, finger: int, index: int, settings: Settings
 ) -> ScreenPath:
-    """Interpolate the pad's path in the screen's axes: a finger that rides on a moving screen is at rest there.
+    """Return the pad's path in the axes of a screen; a finger that moves with a moving screen is at rest.
 
     Raises:
-        DermisError: a screen that is scaled to nothing.
+        DermisError: the scale of the screen is zero.
     """
     screen, matrices = scene.screens[index], pad_contact.screens[index]
     where = f"screen '{screen.name}'"
@@ -97,7 +100,7 @@ def screen_path(
             limit="a scale other than zero",
         )
     local = np.linalg.solve(axes, (pads - matrices[:, :3, 3])[..., None])[..., 0]
-    # Across the screen the map goes with its object; from its plane the true distance counts.
+    # Along the screen, positions are relative to the size at the start, as in the map. Distances from it are true ones.
     local[:, :2] *= lengths[0, :2]
     across = cross(axes[:, :, 0], axes[:, :, 1])
     local[:, 2] *= volume / np.sqrt(dot(across, across))
@@ -109,9 +112,10 @@ def screen_path(
 
 
 def _resting(sampled: Array, local: Array, times: Array) -> NDArray[np.bool_]:
-    """Return at which times the two samples around the step that ends there lie at one place of the screen.
+    """Return whether the pad rests at each time, shape (n,): the samples before and after have the same position.
 
-    After an abrupt stop a spline swings by micrometres, and its last swing would be taken for the direction to hold.
+    After an abrupt stop, a spline oscillates by micrometres. Without this test, the last oscillation would determine
+    the direction that is held.
     """
     if len(sampled) < 2:
         return np.ones(len(times), bool)
@@ -122,16 +126,18 @@ def _resting(sampled: Array, local: Array, times: Array) -> NDArray[np.bool_]:
 
 
 class Settings:
-    """The settings of one use: animated where a channel says so, else constant.
+    """Settings of one use of a device, animated or constant.
 
     Attributes:
-        told: whether anybody is told what was found; of a moment in a preview nobody is, so it is not looked for.
+        times: the device's times [s], shape (n,).
+        told: whether findings are reported; those of a preview are not.
     """
 
     def __init__(
         self, pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, rate: float, where: str
     ) -> None:
-        # Those of every other device: the sweep's last sample may lie before the end of the range.
+        # The times are those of all devices of this rate. The last sample of the sweep may be before the end of the
+        # range.
         self.times = pad_contact.device_times(scene, rate)
         self.told = pad_contact.memory is None
         self._pad_contact, self._scene, self._finger, self._where = pad_contact, scene, finger, where
@@ -142,19 +148,19 @@ class Settings:
         self._prefix = f"device/{finger}/{place}/"
 
     def carry(self, key: Hashable) -> AbstractContextManager[Carry]:
-        """Give the state that something of this use begins with, see `PadContact.carry`."""
+        """Return a context with a state of this use, see `PadContact.carry`."""
         return self._pad_contact.carry((self._prefix, key), self.times)
 
     def lasting(self, name: str, make: Callable[[], T]) -> T:
-        """Return a value that holds for the whole scene, made once where it is computed window by window."""
+        """Return a value of this use that holds for the whole scene, see `PadContact.lasting`."""
         return self._pad_contact.lasting((self._prefix, name), make)
 
     def constant(self, name: str) -> Any:
-        """Return a setting that does not change over a scene."""
+        """Return a constant setting."""
         return DEVICE[name].of(self._given, self._where)
 
     def series(self, name: str) -> Array | None:
-        """Return a setting at the device's times, or None where nobody set it."""
+        """Return a setting at the device's times, shape (n,); None if it is not set."""
         animated = self._animated(self._prefix + name)
         if animated is not None:
             return animated
@@ -162,7 +168,7 @@ class Settings:
         return None if constant is None else np.full(len(self.times), float(constant))
 
     def touch_distance(self, screen: int) -> Array:
-        """Return the distance [m] from which the pad touches: the screen's own, else the finger's."""
+        """Return the touch distance [m], shape (n,): the screen's own, or else the finger's."""
         for prefix, owner in (
             (f"screen/{screen}/", self._scene.screens[screen]),
             (f"finger/{self._finger}/", self._scene.fingers[self._finger]),
@@ -184,7 +190,7 @@ class Settings:
 def driven_values(
     friction: Array, settings: Settings, device: FrictionScreen, spec: DeviceSpec, where: str
 ) -> tuple[Array, Sequence[Finding]]:
-    """Return the channels' values for a friction, shape (n, channels), and the device's findings about them."""
+    """Return the values of the channels, shape (n, channels), for a friction, shape (n,), and findings."""
     volts = device.law.volts(friction)
     animated = settings.series("carrier")
     carrier = np.full(len(friction), device.carrier) if animated is None else animated
@@ -196,7 +202,7 @@ def driven_values(
 
 
 def scale_findings(matrices: Array, name: str) -> list[Finding]:
-    """Find a screen that is deformed while it moves: the map keeps the size that it has at the start."""
+    """Report a screen whose scale changes, since its map keeps the size at the start, or that is sheared."""
     findings = []
     lengths = np.linalg.norm(matrices[:, :3, :3], axis=1)
     changed = (np.abs(lengths / np.maximum(lengths[0], 1e-30) - 1.0) > SCALE_CHANGE).any(axis=1)

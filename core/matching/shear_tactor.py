@@ -1,8 +1,8 @@
-"""Shear tactor: add up the effects that a finger feels, lay them into the pad's plane, and turn the pulleys.
+"""Shear tactor: commands of its pulleys from the sum of all effects on a finger.
 
-The declared rule for several effects at once: their displacements are added, in the finger's frame and as fractions of
-the tactor's range; the sum is then limited to range and speed,
-for both pulleys together. The pipeline and the sender check the channels again.
+The displacements of several effects are added in the finger's frame, as fractions of the tactor's range. The sum is
+projected into the pad's plane and limited to range and speed, for both pulleys together. The pipeline and the sender
+check the channels again.
 
 Source: [S3] section 4
 """
@@ -22,17 +22,18 @@ from ..track.command_track import CommandTrack
 from .effect_sum import EffectSum
 from .rendered import Rendered
 
-# A length of up to this above 1 is rounding, not a displacement that had to be limited.
+# A length that exceeds 1 by no more than this counts as rounding and not as limited.
 SLACK = 1e-9
 
 
 def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Render one finger's shear tactor.
 
-    Signals: 'contact' and 'held' (0 or 1), 'magnitude' (asked for, as a fraction of the range).
+    Signals: 'contact' and 'held' (0 or 1), 'magnitude' (length of the sum before the limit, as a fraction of the
+        range).
 
     Raises:
-        DermisError: an unknown method or effect setting, or a preset without a parameter that the mechanism needs.
+        DermisError: a method or setting of an effect is unknown, or the preset lacks a parameter of the mechanism.
 
     Source: [S3] eq. 1-8
     """
@@ -84,20 +85,21 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
 
 
 def projected(displacement: Array, radius: float, method: str = "magnitude") -> tuple[Array, Array, int]:
-    """Lay displacements into the pad's plane and limit them.
+    """Project displacements into the pad's plane and limit them.
 
-    'magnitude': p = A min(1, |P T^-1 d|) P T^-1 d / |P T^-1 d|. 'printed': the paper divides by |d| instead, which
-    weakens a tilted vector twice, and is 0/0 at d = 0. Both give 0 there.
+    The method 'magnitude' is p = A min(1, |P T^-1 d|) P T^-1 d / |P T^-1 d|. The method 'printed' divides by |d| as in
+    the paper, which shortens a tilted vector twice and is 0/0 at d = 0. Both give 0 there.
 
     Args:
-        displacement: T^-1 d, in the finger's frame, as fractions of the range, shape (n, 3).
-        radius: A [m].
+        displacement: T^-1 d, displacements in the finger's frame as fractions of the range, shape (n, 3).
+        radius: range A [m].
+        method: 'magnitude' or 'printed'.
 
     Returns:
-        positions [m], shape (n, 2); the lengths |P T^-1 d|, shape (n,); how many of them were limited to 1.
+        Positions [m], shape (n, 2); lengths |P T^-1 d|, shape (n,); number of lengths that were limited to 1.
 
     Raises:
-        DermisError: an unknown method.
+        DermisError: the method is unknown.
 
     Source: [S3] eq. 6
     """

@@ -1,7 +1,7 @@
-"""The three-component stimulus plot: where stimuli lie in the space that the device's own stimuli span.
+"""Plot of stimuli in the first three components of a device's stimuli.
 
-The cloud holds the device's stimuli all over its workspace; a touch is a line through or past it. Three components do
-not describe a stimulus well, but they show which stimuli the device can reach and which it cannot.
+A cloud of dots shows the device's stimuli all over its workspace, and a line those of a touch. Three components do not
+describe a stimulus accurately, but they show which stimuli the device can reach.
 
 Source: [S0] 3.3 ('3-PCA stimulus viz') and figures 3, 4, 7
 """
@@ -29,16 +29,16 @@ MAX_DOTS = 2500  # dots of the cloud
 
 @dataclass(frozen=True, eq=False)
 class StimulusPlot:
-    """Stimuli in their first three components.
+    """Stimuli by their first three components.
 
     Attributes:
         cloud: stimuli of the device on linear skin, from rest and along random movements, shape (n, 3).
-        configuration: configuration of each of these: pitch, roll and depth, each over its largest, -1 to 1, shape (n,
-            3).
+        configuration: configuration of each dot: pitch, roll and depth, each divided by its largest value, -1 to 1,
+            shape (n, 3).
         target: stimuli of the touch, shape (k, 3).
-        rendered: stimuli of the device for it, shape (k, 3).
-        predicted: as the search expected, shape (k, 3); None for methods that look for something else.
-        left: relative RMS that three components leave of the cloud about its mean.
+        rendered: stimuli of the device for the touch, shape (k, 3).
+        predicted: stimuli that the search predicted, shape (k, 3); None for methods that do not predict them.
+        left: relative RMS of the cloud about its mean that is not in the three components.
     """
 
     cloud: Array
@@ -60,7 +60,7 @@ def stimulus_plot(
         amounts: `Stimulus.given` of the touch [m], see `Follower.follow`, shape (k, 3 m).
 
     Raises:
-        DermisError: servo limits that exclude contact.
+        DermisError: the servo limits exclude contact.
     """
     spaces = None if use.observation_matrix is not None else describe(use.device, use.skin, use.friction)
     observation_matrix = use.observation_matrix if spaces is None else spaces.observation_matrix

@@ -49,7 +49,7 @@ TOUCHES = ("ball", "block", "edge", "slide")
 
 @functools.cache
 def thimble(name: str) -> dict[str, Any]:
-    """Follow a touch with the thimble: looks, milliseconds of a look, what is left over the best by the law."""
+    """Follow a touch with the thimble: evaluations of the law, their time [ms], and error over the best by the law."""
     from core.devices.thimble import mechanism
     from core.matching.thimble import Follower, matcher
     from core.presets import Library
@@ -203,7 +203,7 @@ def stress_left() -> Result:
 
 @benchmark("nl_device_looks", limit=1.0)
 def looks() -> Result:
-    """Looks at the law in a frame; p95 is of touches that press, that of the dragged one stands beside."""
+    """Evaluations of the law in a frame; p95 is that of pressing touches, and the dragged one has its own."""
     found = both()
     every = np.concatenate([each["looks"] for _, each in found])
     pressed = np.concatenate([each["looks"] for name, each in found if DRAGGED not in name])
@@ -217,7 +217,7 @@ def looks() -> Result:
 
 @benchmark("nl_look_ms", limit=2.0)
 def look() -> Result:
-    """A look at the law of a thimble's pose, its contact and its stress, in milliseconds of the processor."""
+    """Evaluation of the law at a thimble's pose, with contact and stress, in milliseconds of processor time."""
     times = {
         kind: [t for name, each in both() if name.startswith(kind) for t in each["ms"]] for kind in ("thimble", "pins")
     }

@@ -35,7 +35,8 @@ Each touch is computed on a finger of linear tissue, and again on the same finge
 how much of the **whole stress**, of every element, a device leaves of the touch: root mean square over all frames,
 relative to the touch. 'Linear' is a touch on linear tissue, matched and judged there. The other two are a touch on
 neo-Hookean tissue, judged by the law: first with the commands that were found on linear tissue, then with those of the
-lagged correction, which looks at the law at each pose that it commands.
+lagged correction, which evaluates the law for each command. The last column is the mean number of evaluations of the
+law in a frame.
 
 A block that is tilted while it presses 1.2 mm deep is left out: touch by the law does not settle in some of its frames,
 and goes on from them on a fold of the tissue that it does not reach from rest.
@@ -51,7 +52,7 @@ Judged = tuple[Stimulus, Stimulus]  # the touch, and what the device made of it
 
 
 def thimble(law: SkinModel, touch: touches.Touch) -> tuple[list[list[Judged]], list[int]]:
-    """Return what three ways make of a touch, frame by frame, and the looks at the law of the last."""
+    """Follow a touch with a thimble in three ways; return the stimuli of each frame, and evaluations of the law."""
     from core.devices.thimble import mechanism
 
     device = mechanism(Library().device("thimble_3rrs"))
@@ -116,7 +117,7 @@ def table(law: SkinModel, frames: int) -> str:
         f"Skin 'draft', {len(law.mesh.tetrahedra)} tetrahedra, friction {FRICTION:g}, {frames} frames a touch; no pin "
         f"presses with more than {PIN_LIMIT:g} N.",
         "",
-        "| device | touch | linear | neo-Hookean, found on linear | neo-Hookean, found by the law | looks a frame |",
+        "| device | touch | linear | neo-Hookean, found on linear | neo-Hookean, found by the law | evaluations |",
         "|---|---|---|---|---|---|",
     ]
     follow: dict[str, Callable[..., Any]] = {"thimble_3rrs": thimble, "pin_array_128": pins}

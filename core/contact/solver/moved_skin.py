@@ -1,4 +1,4 @@
-"""MovedSkin: how far skin has moved, at points and beside them."""
+"""MovedSkin: displacement of a pad's skin, at the contact points and elsewhere."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from .point_set import PointSet
 
 @dataclass(frozen=True, eq=False)
 class MovedSkin:
-    """A pad under forces on points.
+    """Pad under forces on points.
 
     Attributes:
-        points: that carry them. force: [N], shape (n, 3). image: displacement of the points [m], shape (n, 3).
+        points: the points.
+        force: forces on the points [N], shape (n, 3).
+        image: displacement of the points [m], shape (n, 3).
     """
 
     points: PointSet
@@ -26,7 +28,7 @@ class MovedSkin:
 
     @cached_property
     def common(self) -> Array:
-        """How far the skin that touches has moved along itself, by its share of the load [m], shape (3,)."""
+        """Mean tangential displacement of the points, weighted with their forces [m], shape (3,)."""
         load = np.sqrt(np.einsum("ij,ij->i", self.force, self.force))
         total = float(load.sum())
         if total == 0.0:
@@ -37,25 +39,26 @@ class MovedSkin:
 
     @cached_property
     def raised(self) -> Array:
-        """Displacement of points [m], without the part that spreads them along the skin, shape (n, 3).
+        """Displacement of the points without their relative tangential movement [m], shape (n, 3).
 
-        An edge parts the cells that it presses in between. Only their common way is theirs, else they see it no more.
+        An edge pushes the cells on its two sides apart. With their full displacement, they would no longer be found
+        near the edge.
         """
         along = self.points.normals
         return self.common + np.einsum("ij,ij->i", self.image - self.common, along)[:, None] * along
 
     @cached_property
     def afar(self) -> tuple[NDArray[np.float32], Indices, Array, Array]:
-        """Forces that move skin where there are no points, taken together by the cells of the coarsest level.
+        """Data for the displacement of skin without points, with forces summed over the cells of level 0.
 
         Returns:
-            a table of the displacement of all p of them by a force on such a cell, (t, 3, p, 3); which of its rows are
-            those of the k cells that carry any; those forces, in its unit, shape (k, 3); and how far all skin moves
-            with the bone besides [m], shape (3,).
+            Table of the displacement of all p cells of level 0 for forces on one of them, for E = 1, shape (t, 3, p,
+            3); its rows for the k loaded cells; the forces on these, divided by the modulus, shape (k, 3); and the
+            displacement of all skin with the bone [m], shape (3,).
         """
         pad, loaded = self.points.pad, np.flatnonzero(self.force.any(axis=1))
         under, which = np.unique(pad.chart.tiles.root[self.points.cells[loaded]], return_inverse=True)
         on = np.stack([np.bincount(which, self.force[loaded, k], len(under)) for k in range(3)], axis=1)
         rows, place = pad.coarse.places(under)
-        # symmetric: the rows of the few that carry force serve for all that they move
+        # The compliance is symmetric, so that the rows of the few loaded cells are enough.
         return rows, place, on / pad.material.modulus, on.sum(axis=0) @ pad.spring

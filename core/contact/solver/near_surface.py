@@ -1,4 +1,4 @@
-"""NearSurface: a deforming surface on its way between two shapes, known only near a finger."""
+"""NearSurface: a deforming surface between two shapes, computed only near a finger."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from ...surface.triangles import TriangleTable
 
 @dataclass(frozen=True, eq=False)
 class NearTriangles:
-    """The triangles that come near a finger between two shapes.
+    """Triangles of a surface that come near a finger between two shapes.
 
     Attributes:
-        start, end: the surface's shapes, of the same triangles.
-        chosen: which triangles are near, shape (n,).
-        topology: topology of all triangles, a copy of its own since search groups are stored in it.
+        start, end: both shapes, with the same triangles.
+        chosen: indices of the near triangles, shape (n,).
+        topology: topology of all triangles, as a copy, because search groups are stored in it.
     """
 
     start: Surface
@@ -30,7 +30,7 @@ class NearTriangles:
 
     @classmethod
     def about(cls, start: Surface, end: Surface, box: Array) -> NearTriangles | None:
-        """Return the triangles whose way meets a box [m], shape (2, 3); None where none does."""
+        """Return the triangles that may enter a box [m], shape (2, 3), between two shapes; None if there are none."""
         kept = start.table.usable | end.table.usable
         for axis in range(3):
             centre, radius = (np.stack([s.table.bounds[k] for s in (start, end)]) for k in (axis, 6))
@@ -39,12 +39,12 @@ class NearTriangles:
         return cls(start, end, chosen, replace(end.topology)) if chosen.size else None
 
     def at(self, share: float) -> NearSurface:
-        """Return the shape after a share of the way."""
+        """Return the shape at a share of the way, 0 for `start` and 1 for `end`."""
         return NearSurface(self, share)
 
 
 class NearSurface(Surface):
-    """A shape between two, with the numbers of all its triangles and the places of those that are near.
+    """Shape between two others, with the geometry of the near triangles alone; indices are those of all triangles.
 
     Args:
         near: the triangles that are near.
@@ -66,7 +66,7 @@ class NearSurface(Surface):
         self.table.rows[:, near.chosen] = some.rows
         self.table.bounds[:, near.chosen] = some.bounds
         self.table.usable[near.chosen] = some.usable
-        # bounds of both shapes, in the same shares, hold the shape between
+        # Interpolated bounds of both shapes contain the interpolated shape.
         self.box = (1.0 - share) * start.box + share * end.box
         self._slabs = (1.0 - share) * start._slabs + share * end._slabs
         self.volume, self.tangled = end.volume, start.tangled or end.tangled
@@ -74,7 +74,7 @@ class NearSurface(Surface):
         self.solids = tuple(own for own in near_ones if own.size)
 
     def _rays(self, tree: TriangleTree) -> TriangleTree | None:
-        """Return all triangles of the shape, where rays must tell sides: those that are near do not enclose it."""
+        """Return a tree of all triangles if rays must determine sides; the near ones are not a closed surface."""
         if self.solids or not self.tangled:
             return None
         return TriangleTree(TriangleTable.build(self.vertices, self.triangles), replace(self.topology))

@@ -1,4 +1,4 @@
-"""Notes: warnings that name the first frame they held for, and count the others."""
+"""Notes: warnings with their first frame and the number of frames."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from ...errors import Finding
 
 
 class Notes:
-    """Warnings about one thing, each kind once.
+    """Warnings about one subject, one for each kind.
 
     Args:
-        where: their subject.
+        where: name of the subject.
     """
 
     def __init__(self, where: str) -> None:
@@ -21,7 +21,7 @@ class Notes:
     def warn(
         self, code: str, what: str, scene_frame: float, *, value: object = None, limit: str = "", remedy: str = ""
     ) -> None:
-        """Record a warning of a frame, or count one more of its kind."""
+        """Record a warning, or count it if there is one of its kind."""
         known = self._known.get(code)
         if known is None:
             self._known[code] = Finding("warning", code, what, self.where, value, limit, remedy, scene_frame)
@@ -29,7 +29,7 @@ class Notes:
             self._known[code] = replace(known, count=known.count + 1)
 
     def findings(self) -> tuple[Finding, ...]:
-        """Return all kinds, in the order in which they first came."""
+        """Return one finding for each kind, in the order of their first frames."""
         return tuple(self._known.values())
 
     def copy(self) -> Notes:

@@ -1,18 +1,16 @@
-"""Skin that slides over an edge goes over to the face that it would come out of by itself.
+"""Transfer of contact points over edges and over the rims of walls.
 
-A point of skin that is pressed by one face of an edge is held by it until that face ends, however far the edge has
-moved on beneath: a single point comes out of a wedge to either side. Points stand for cells, and real skin has no
-cells: each bit of it is held up by the next, lies hardly deeper than the edge, and goes over as the edge passes.
-Without that skin is ploughed aside, and a finger without friction is dragged along as if there were some.
+Edges: a point that is pressed by one face of an edge remains on this face until the face ends, however far the edge has
+moved below it. Real skin is continuous: each part is supported by its neighbours, is hardly deeper than the edge, and
+changes to the other face when the edge passes. Without a transfer the skin would be pushed aside, and a finger without
+friction would be dragged as if there were friction. A point is therefore transferred half way between the position at
+which both faces are equally near and the one at which its own face ends. A neighbour must be on the other face, its own
+face must advance more than the other one, and the point must not be deeper below the other face than its cell is wide.
+A point that sticks or rests is not transferred.
 
-So a cell goes over half way between where both faces are as near and where its own ends: to a face that skin beside it
-lies on, from one that comes on by more, and over a face that is no farther than it is wide. A cell that friction
-holds stays, and one that stands still rests.
-
-Skin that hangs on a wall by less than it is dragged slips over the wall's rim. A surface is felt by its faces. Skin
-that sags into a slot, or comes against a ridge, is held by a wall that looks along it, however little of the wall there
-is; linear skin never turns to let go. Real skin does, where it is drawn aside by more than it lies below the rim: there
-it is put onto the face behind the rim.
+Rims: skin that sags into a slot or meets a ridge is held by a wall whose normal lies along the skin, however low the
+wall is. Linear skin does not turn, so it is never released. Real skin slips over the rim if it is dragged by more than
+its depth below the rim. Such a point is transferred to the face behind the rim.
 """
 
 from __future__ import annotations
@@ -27,17 +25,17 @@ from .bodies import NodeGaps, node_gaps
 from .point_gaps import laid_on, some_of
 from .sides import dot
 
-# Faces are others where their normals differ by more than the first cosine says, and by less than the second: beyond
-# that, 53 degrees between the faces, they are the two sides of a blade.
+# Two faces form an edge if the cosine between their normals is below the first value and above the second. Below the
+# second, with 53 degrees between the faces, they are the two sides of a blade.
 OTHER, BLADE = 0.9, -0.6
-# A point goes over this share of the way from where its face ends to where the other is as near; the more friction
-# holds it, the nearer to the end, and from this coefficient on it stays.
+# Position of the transfer without friction, from the end of the point's face (0) to where both faces are equally near
+# (1). With friction it is nearer to the end. From this friction coefficient on, points are not transferred.
 GOES, HELD = 0.5, 0.25
-# Skin beside it lies on the other face where normals are alike by this cosine.
+# A neighbour is on the other face if the cosine between its normal and that of the face is above this.
 ALIKE = 0.9
-# A face comes on by more than another where it does by this share of the way that the body goes.
+# A face advances more than the other one if the difference exceeds this share of the body's movement.
 COMES = 0.2
-# Deeper below a rim than so many of its widths it is not the cell that catches.
+# Largest depth below the other face, in widths of the cell.
 WIDTHS = 1.0
 
 
@@ -45,12 +43,13 @@ class Freed(NamedTuple):
     """Points that slide beside an edge.
 
     Attributes:
-        nodes: which, shape (k,). beside: the points before and behind each of them, across the edge, itself where there
-            is none, shape (2, k).
-        places: where each would be, had it no force of its own [m], shape (k, 3).
-        ways: movement of the face below each of them since the last frame [m], shape (k, 3).
-        widths: width of the cell of each [m], shape (k,).
-        gaps: at those places; None until measured.
+        nodes: indices of the points, shape (k,).
+        beside: indices of the neighbours before and behind each point across the edge, shape (2, k); the point itself
+            if there is none.
+        places: positions of the points without their own forces [m], shape (k, 3).
+        ways: movement of the face below each point since the last frame [m], shape (k, 3).
+        widths: width of the cell of each point [m], shape (k,).
+        gaps: gaps at `places`; None before they are measured.
     """
 
     nodes: Indices
@@ -66,26 +65,27 @@ NOTHING = Freed(_NONE[0], _NONE, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
 
 
 def over_edges(gaps: NodeGaps, freed: Freed, loaded: NDArray[np.bool_], points: Array, places: Array) -> NodeGaps:
-    """Return gaps with those of points that go over an edge taken to the face beyond it.
+    """Replace the gaps of points that pass over an edge by those to the face beyond it.
 
     Args:
         gaps: gaps of all points.
-        freed: the points that slide beside an edge.
+        freed: points that slide beside an edge.
         loaded: whether each point carries force, shape (n,).
-        points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
+        points: positions at rest [m], shape (n, 3).
+        places: displaced positions at which the gaps were measured [m], shape (n, 3).
     """
     if freed.gaps is None or not len(freed.nodes):
         return gaps
     mine = ((freed.gaps.body >= 0) & (freed.gaps.body == gaps.body.take(freed.nodes))).nonzero()[0]
     some, free, ways, widths = (v[mine] for v in (freed.nodes, freed.places, freed.ways, freed.widths))
     found, beside, own = some_of(freed.gaps, mine), freed.beside[:, mine], gaps.normal.take(some, axis=0)
-    depth = gaps.clearance[some] - dot(places.take(some, axis=0) - free, own)  # below zero inside the body that presses
+    depth = gaps.clearance[some] - dot(places.take(some, axis=0) - free, own)  # negative inside the body
     normal, turned = found.normal, dot(found.normal, own)
     share = GOES * np.maximum(1.0 - gaps.friction.take(some) / HELD, 0.0)
-    # a face ends where the other is at `turned` times the depth
+    # The face ends where the distance from the other one is `turned` times the depth.
     goes = found.clearance > np.maximum((turned + share * (1.0 - turned)) * depth, -WIDTHS * widths)
     goes &= (depth < 0.0) & (share > 0.0) & (turned < OTHER) & (turned > BLADE)
-    goes &= depth < found.clearance * turned  # in a hollow faces lie above each other
+    goes &= depth < found.clearance * turned  # excludes concave edges
     goes &= dot(ways, own - normal) > COMES * np.sqrt(dot(ways, ways))
     there = np.zeros(len(some), dtype=np.bool_)
     for next_ in beside:
@@ -98,29 +98,31 @@ def over_edges(gaps: NodeGaps, freed: Freed, loaded: NDArray[np.bool_], points: 
     return laid_on(gaps, nodes, feet, normal, found.triangle[which], points, places)
 
 
-# Faces are walls where their normal and the way to the bone differ by more than this cosine says; faces behind a rim
-# differ by less than the second.
+# A face is a wall if the cosine between its normal and the direction into the finger is below the first value. A face
+# behind a rim has a cosine above the second.
 WALL, TOP = 0.45, 0.7
-# Skin slips over a rim that it lies this many times less deep below than it is drawn aside; not below so little [m].
+# Skin slips over a rim if its depth below the rim is at most its tangential displacement divided by the first value.
+# Smaller depths than the second value are not considered [m].
 HOLD, LEAST = 2.0, 0.02e-3
-# So far behind a wall its rim is looked for [m].
+# Distance behind a wall at which the face behind the rim is measured [m].
 BEHIND = 0.02e-3
 
 
 def over_rims(
     gaps: NodeGaps, points: Array, places: Array, inward: Array, search_radius: float, bone: Array
 ) -> NodeGaps:
-    """Return gaps with those of points that slip over a rim taken to the face behind it.
+    """Replace the gaps of points that slip over the rim of a wall by those to the face behind it.
 
     Args:
         gaps: gaps of the points.
         points: positions at rest [m], shape (n, 3).
         places: displaced positions at which the gaps were measured [m], shape (n, 3).
-        inward: directions into the finger, shape (n, 3). search_radius, bone: as for `node_gaps`.
+        inward: unit vectors into the finger, shape (n, 3).
+        search_radius, bone: as for `node_gaps`.
     """
     normal, way = gaps.normal, places - points
     steep = dot(normal, inward)
-    drawn = dot(way, normal) - dot(way, inward) * steep  # along the skin: skin that is pressed in is not drawn
+    drawn = dot(way, normal) - dot(way, inward) * steep  # tangential displacement along the normal of the wall
     hung = np.flatnonzero((gaps.clearance < drawn) & (drawn > HOLD * LEAST) & (np.abs(steep) < WALL))
     if not hung.size:
         return gaps

@@ -1,4 +1,4 @@
-"""One frame of a contact path."""
+"""PathStep: one frame of a contact path."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from .bodies import NodeGaps
 from .cone import along
 from .solve import Solution
 
-# Faces steeper than this cosine push in no more than if they were no steeper.
+# Least cosine between a face's normal and the direction to the bone in the computation of the depth.
 STEEP = 0.5
-# The bone reaches this far along the finger towards the tip [m].
+# Extent of the bone along the finger towards the tip [m].
 BONE_END = 4e-3
 
 
 class SolvedFrame(NamedTuple):
-    """A frame that was solved.
+    """Solution of one frame.
 
     Attributes:
         solution: forces and residuals of all nodes.
@@ -40,13 +40,13 @@ class PathStep:
     Attributes:
         solution: forces and residuals of all nodes.
         displacement: displacement of the nodes [m], shape (m, 3).
-        gaps: the ones it was solved for, or None where nothing was near.
-        work: 'solved', 'unchanged' (forces still obey the laws), 'same' (same pose, same history) or 'idle'
+        gaps: gaps for which the frame was solved; None if nothing was near.
+        work: 'solved', 'unchanged' (the last forces still obey the laws), 'same' (same pose and history) or 'idle'
             (nothing near).
-        from_rest: there was no history: the first frame, or a jump.
-        nodal: the forces on the nodes of the skin's mesh [N]: those of the solution, brought to the nodes where the
-            solver's points are others, shape (m, 3); none of a part of a frame.
-        amounts: by how much less than linear skin the pad nodes give way [m], shape (3 m,); None where skin is linear.
+        from_rest: whether there was no history, as in the first frame or after a jump.
+        nodal: forces on the nodes of the skin's mesh [N], shape (m, 3); without rows for a part of a frame.
+        amounts: correction of nonlinear skin at the pad nodes [m], see `Stimulus.given`, shape (3 m,); None for linear
+            skin.
     """
 
     solution: Solution
@@ -59,9 +59,9 @@ class PathStep:
 
     @cached_property
     def slide(self) -> float:
-        """How far loaded skin is drawn along itself, on average by its load [m].
+        """Mean tangential displacement of the loaded skin, weighted with the normal forces [m].
 
-        Bulging sideways under a press cancels out; the rest is the shear of the tissue by friction.
+        Symmetric bulging under pressure cancels out; the rest is shear of the tissue by friction.
         """
         weight = self.solution.normal_force
         total = float(weight.sum())
@@ -73,19 +73,20 @@ class PathStep:
         return float(np.sqrt(along_it @ along_it))
 
     def depth(self, points: Array, bone: Array) -> float:
-        """Return how deep the undeformed skin lies in the objects that it touches [m], zero above them.
+        """Return the penetration of the undeformed skin into the objects that it touches [m]; zero above them.
 
-        Drag does not count: over an edge skin is dragged far beyond the face that it lies on. So depth counts
-        by how far a point was pushed towards the bone, as a share of its way straight out of the object.
+        Drag does not count, because skin is dragged far beyond the face on which it lies at an edge. The penetration of
+        a point is therefore multiplied by the share of its displacement that is towards the bone.
 
         Args:
-            points: undeformed, shape (m, 3). bone: a point inside the finger, shape (3,).
+            points: undeformed nodes [m], shape (m, 3).
+            bone: a point inside the finger [m], shape (3,).
         """
         if self.gaps is None:
             return 0.0
         inside = np.flatnonzero(self.gaps.gap < 0.0)
         deep, normal, inward = -self.gaps.gap[inside], self.gaps.normal[inside], bone - points[inside]
-        inward[:, 1] = np.minimum(inward[:, 1] + BONE_END, 0.0)  # skin dragged along the bone is not pushed to it
+        inward[:, 1] = np.minimum(inward[:, 1] + BONE_END, 0.0)  # movement along the bone does not count
         if not self.from_rest:
             above = along(self.solution.displacement[inside], normal)
             way = self.displacement[inside] - above[:, None] * normal

@@ -1,4 +1,4 @@
-"""Parts of the gaps of points: some of them, others in their place, and points that are laid on another plane."""
+"""Selection and replacement of the gaps of points."""
 
 from __future__ import annotations
 
@@ -19,13 +19,16 @@ def some_of(gaps: NodeGaps, which: slice | Indices) -> NodeGaps:
 def laid_on(
     gaps: NodeGaps, nodes: Indices, feet: Array, normal: Array, triangle: Indices, points: Array, places: Array
 ) -> NodeGaps:
-    """Return gaps of which some nodes, shape (k,), are to planes of the same bodies.
+    """Replace the gaps of some nodes by those to planes of the same bodies.
 
     Args:
+        gaps: gaps of all points.
+        nodes: indices of the nodes, shape (k,).
         feet: a point on the plane of each node [m], shape (k, 3).
         normal: unit normals of the planes, shape (k, 3).
         triangle: triangles in which the planes lie, shape (k,).
-        points: at rest [m], shape (n, 3). places: where they were looked for [m], shape (n, 3).
+        points: positions at rest [m], shape (n, 3).
+        places: displaced positions at which the gaps were measured [m], shape (n, 3).
     """
     out = replace(gaps, **{name: getattr(gaps, name).copy() for name in ("gap", "clearance", "normal", "triangle")})
     out.clearance[nodes], out.gap[nodes] = dot(places[nodes] - feet, normal), dot(points[nodes] - feet, normal)
@@ -34,7 +37,7 @@ def laid_on(
 
 
 def passed_on(gaps: NodeGaps, count: int, heirs: Indices, sources: Indices) -> NodeGaps:
-    """Return the gaps of so many points, of which some have those of others, and others nothing near."""
+    """Return the gaps of `count` points: points `heirs` get those of `sources`, and all others are beyond reach."""
     out = NodeGaps.nothing(gaps.bodies, count)
     for name in PER_POINT:
         getattr(out, name)[heirs] = getattr(gaps, name)[sources]

@@ -1,7 +1,7 @@
-"""PointMatrix: the compliance between the points that may touch, kept up as points come and go.
+"""PointMatrix: compliance between contact points, updated when points are added and removed.
 
-A point that enters costs one row of the kernel; one that leaves makes room for the last. Single precision is 1e-6 off,
-and a frame that it is not enough for is solved in double precision anyway.
+For each new point, its rows are computed. The place of a removed point is taken by one of the last points. The matrix
+is in single precision, with a relative error of 1e-6.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ import numpy as np
 from ...arrays import Array, Floats32, Indices
 from ...skin.surface_compliance import SurfaceCompliance
 
-GROWTH = 1.2  # of the room, where it is too small: pages that nothing was written to cost nothing
+GROWTH = 1.2  # factor by which the memory grows if it is too small
 
 
 class PointMatrix:
-    """C [m/N] between some cells of a pad.
+    """Compliance matrix C [m/N] between cells of a pad.
 
     Args:
-        pad: whose cells they are.
+        pad: the pad.
 
     Attributes:
-        cells: in the order of the rows, three a cell, shape (n,).
+        cells: indices of the cells in the order of the rows, three rows each, shape (n,).
     """
 
     def __init__(self, pad: SurfaceCompliance) -> None:
@@ -37,10 +37,14 @@ class PointMatrix:
         return self._store[:n, :n]
 
     def change(self, leaving: Indices, entering: Indices) -> Indices:
-        """Take points out by their place in `cells`, and put cells in at the end.
+        """Remove points, and add cells at the end.
+
+        Args:
+            leaving: positions in `cells` of the points to remove, shape (k,).
+            entering: indices of the cells to add, shape (j,).
 
         Returns:
-            Where each point that stays was before, in its new order.
+            Former position of each point that stays, in the new order.
         """
         count = len(self.cells)
         if self._saved:
@@ -64,7 +68,7 @@ class PointMatrix:
         return order
 
     def save(self) -> tuple[Indices, Floats32]:
-        """Return the present cells and rows, for `restore`; they are copied when they change next."""
+        """Return the present cells and rows, for `restore`; they are copied at the next change."""
         self._saved = True
         return self.cells, self._store
 
@@ -74,13 +78,13 @@ class PointMatrix:
         self._saved = True
 
     def displacement(self, force: Array) -> Array:
-        """Return C f for forces [N] on the points, shape (n, 3), those without left out of the work."""
+        """Return the displacement C f [m], shape (n, 3), for forces on the points [N], shape (n, 3)."""
         loaded = np.flatnonzero(force.any(axis=1))
         if len(loaded) == 0:
             return np.zeros_like(force)
         if 2 * len(loaded) > len(force):
             return (self.matrix @ force.reshape(-1).astype(np.float32)).reshape(-1, 3).astype(np.float64)
-        # the matrix is symmetric: rows are nearer to each other than columns
+        # The matrix is symmetric, and rows are contiguous in memory.
         rows = self.matrix.reshape(len(force), 3, -1)[loaded].reshape(3 * len(loaded), -1)
         return (force[loaded].reshape(-1).astype(np.float32) @ rows).reshape(-1, 3).astype(np.float64)
 
@@ -89,12 +93,12 @@ class PointMatrix:
             self._move(int(GROWTH * wanted), kept)
 
     def _move(self, size: int, kept: int) -> None:
-        """Go over to another store, so that the one that was saved stays as it is."""
+        """Copy the rows to new memory, so that a saved state is not changed."""
         store = np.empty((size, size), dtype=np.float32)
         store[:kept, :kept] = self._store[:kept, :kept]
         self._store, self._saved = store, False
 
 
 def rows_of(points: Indices) -> Indices:
-    """Return the rows of points, three each."""
+    """Return the row indices of points, shape (3 k,)."""
     return (3 * points[:, None] + np.arange(3)).reshape(-1)

@@ -1,8 +1,9 @@
-"""PointReach: how far skin has moved all over a pad, and not only at points: it bulges out beside an object.
+"""PointReach: upper bounds of the skin's displacement all over a pad.
 
-Where points are, how far is known. Elsewhere skin carries no force, and moves the more smoothly the farther it is from
-forces; so those are taken together by four cells, and it is told at every second cell. Nowhere in a cell does skin move
-more than at the centre of it or of one beside it: of two neighbours one is nearer to the object.
+Skin bulges beside an object, so the displacement is needed not only at contact points. At points it is known. Elsewhere
+skin carries no force, and its displacement is smooth. There, forces are summed over blocks of four cells, and the
+displacement is computed at every second cell. The bound of a cell is the largest displacement at its own centre and
+those of its neighbours, because one of them is nearer to the object.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from .point_set import PointSet
 
 
 class PointReach:
-    """Tells of all coarsest cells of a pad.
+    """Bounds of the displacement of all cells of level 0 of a pad.
 
     Args:
-        points: present points of the pad.
+        points: contact points of the pad.
 
     Attributes:
-        places: the centres of those cells at rest [m], shape (p, 3).
-        sizes: how far the skin of each is from its centre, at most [m], shape (p,).
+        places: centres of the cells at rest [m], shape (p, 3).
+        sizes: largest distance of a point of each cell from its centre [m], shape (p,).
     """
 
     def __init__(self, points: PointSet) -> None:
@@ -32,17 +33,18 @@ class PointReach:
         corners, _ = self._chart.corners(self._chart.base, 0.5)
         self.sizes: Array = np.linalg.norm(corners - self.places[:, None], axis=2).max(axis=1)
         odd = np.append(self._chart.base % 2 == 1, False)
-        odd[:-1] &= ~odd[roots[:, 1, [0, 2]]].any(axis=1)  # told by those beside it around the finger
+        odd[:-1] &= ~odd[roots[:, 1, [0, 2]]].any(axis=1)  # cells for which the neighbours around the finger are enough
         self._told = np.flatnonzero(~odd[:-1])
         self._about: Indices = np.ascontiguousarray(roots.reshape(len(roots), -1).T)
         self._blocks, self._members = _blocks(self._chart)
         self._rows = RowTable(len(self._members), self._made)
 
     def moved(self, force: Array, image: Array) -> Array:
-        """Return how far skin has moved in each cell, at most [m], shape (p,).
+        """Return an upper bound of the displacement in each cell [m], shape (p,).
 
         Args:
-            force: on the points [N], shape (n, 3). image: their displacement [m], shape (n, 3).
+            force: forces on the points [N], shape (n, 3).
+            image: displacement of the points [m], shape (n, 3).
         """
         roots, loaded = self._chart.tiles.root[self._points.cells], np.flatnonzero(force.any(axis=1))
         under, which = np.unique(self._blocks[roots[loaded]], return_inverse=True)
@@ -54,14 +56,14 @@ class PointReach:
         return np.asarray(most.take(self._about).max(axis=0))
 
     def _made(self, blocks: Indices) -> Floats32:
-        """Return the displacement, at the cells that are told of, by force spread over each of some blocks."""
+        """Return the displacement at every second cell for forces spread over blocks."""
         coarse = self._points.pad.coarse
         means = [coarse[self._members[block]][:, :, self._told].mean(axis=0) for block in blocks.tolist()]
         return np.asarray(np.stack(means))
 
 
 def _blocks(chart: PadChart) -> tuple[Indices, list[Indices]]:
-    """Return the block that each coarsest cell is in, and the cells of each block: two along and two around."""
+    """Return the block of each cell of level 0, and the cells of each block of two by two."""
     half = chart.halves[chart.base]
     corner = np.floor((chart.places[chart.base] - [chart.shape.reach, 0.0]) / (4.0 * half) + 1e-9)
     size = np.round(np.log2(half.max(axis=0) / half))

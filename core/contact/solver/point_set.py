@@ -1,4 +1,4 @@
-"""PointSet: the cells of a pad that are points of a contact at present, and the compliance between them."""
+"""PointSet: the contact points of a pad, which are centres of cells, with their compliance."""
 
 from __future__ import annotations
 
@@ -19,29 +19,31 @@ NONE = -1
 
 
 class PointSet:
-    """Points that come and go.
+    """Changing set of contact points.
 
     Args:
-        pad: whose cells' centres they are.
+        pad: pad whose cells' centres are the points.
 
     Attributes:
-        matrix: the compliance between them.
-        owner: the point over each finest square of each root, `NONE` without, shape (roots + 1, squares).
-        in_root: the last point in each root, `NONE` without, shape (roots,).
+        matrix: compliance between the points.
+        owner: index of the point whose cell covers each finest square of each root, shape (roots + 1, squares); `NONE`
+            without.
+        in_root: index of the last point in each root, shape (roots,); `NONE` without.
         number: index of the point at the centre of each cell of the pad, shape (cells,); `NONE` if the cell is no
             point.
         positions: positions of the points [m], shape (n, 3).
         normals: unit normals of the skin at the points, shape (n, 3).
         areas: areas of the points' cells [m^2], shape (n,).
         sides: side vectors of the points' cells [m], shape (n, 2, 3).
-        beside: the points before and behind cells, along the finger, then around it, `NONE` without, shape (n, 4).
+        beside: indices of each point's neighbours before and behind along the finger, then around it, shape (n, 4);
+            `NONE` without.
     """
 
     def __init__(self, pad: SurfaceCompliance) -> None:
         self.pad, self.matrix = pad, PointMatrix(pad)
         chart, tiles = pad.chart, pad.chart.tiles
         side, roots = 1 << (tiles.levels - 1), chart.starts[1]
-        self.owner = np.full((roots + 1, side * side), NONE)  # the last root is beside the pad
+        self.owner = np.full((roots + 1, side * side), NONE)  # the last root stands for places beside the pad
         self.in_root, self.number = np.full(roots, NONE), np.full(len(chart.places), NONE)
         around = np.ascontiguousarray(chart.beside, dtype=np.int64)
         self._record = records.PointsRecord(known=len(chart.places), side=side)
@@ -60,14 +62,14 @@ class PointSet:
         return self.matrix.cells
 
     def difference(self, cells: Indices) -> tuple[Indices, Indices]:
-        """Return which points leave, by their place, and which cells enter, where these cells shall be the points."""
+        """Return the positions of points to remove and the cells to add, so that given cells become the points."""
         number = self.number[cells]
         leaves = np.ones(len(self), dtype=np.bool_)
         leaves[number[number != NONE]] = False
         return leaves.nonzero()[0], cells[number == NONE]
 
     def change(self, leaving: Indices, entering: Indices) -> Indices:
-        """Take points out by their place and put cells in at the end; return where each that stays was."""
+        """Remove points by their positions, and add cells at the end; return the former position of each that stays."""
         before = self.cells
         order = self.matrix.change(leaving, entering)
         self._renumber(before)
@@ -84,7 +86,7 @@ class PointSet:
         self._renumber(before)
 
     def _renumber(self, before: Indices) -> None:
-        """Set the data of the points, which were other cells before."""
+        """Compute the data of the points; `before` are the former cells."""
         cells, own, record = self.cells, self.pad.cells, self._record
         self.beside = np.empty((len(cells), 4), dtype=np.int64)
         record.before, record.old_cells = len(before), address(before)

@@ -1,4 +1,4 @@
-"""Bodies as the kernels take them: posed in the frame of the skin."""
+"""Records of posed bodies for the kernels."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ from .bodies import ContactBody, boxes_meet
 def posed_records(
     bodies: Sequence[ContactBody], points: Array, reach: float, bone: Array
 ) -> tuple[list[int], Records[records.PosedRecord]]:
-    """Return which bodies may be within reach of points, and a record of each, one at least.
+    """Return the indices of the bodies within reach of points, and an array with a record of each.
 
-    The records point into the bodies' surfaces: keep the bodies as long as them.
+    The array has at least one record. The records point to the bodies' surfaces, so the bodies must exist as long.
 
     Args:
-        points: [m], shape (n, 3). reach: [m]. bone: a point inside the finger [m], shape (3,).
+        bodies: bodies in the finger's frame.
+        points: points of the skin [m], shape (n, 3).
+        reach: largest distance [m].
+        bone: a point inside the finger [m], shape (3,).
     """
     near = [i for i, body in enumerate(bodies) if in_reach(body, points, reach)]
     posed = (records.PosedRecord * max(len(near), 1))()
@@ -32,12 +35,12 @@ def posed_records(
 
 
 def in_reach(body: ContactBody, points: Array, reach: float) -> bool:
-    """Return whether a body may be within reach of points [m], shape (n, 3), by the boxes of both."""
+    """Return whether the bounding boxes of a body and of points [m], shape (n, 3), are within a distance [m]."""
     surface = body.surface
     if body.away:
         return False
     if not isinstance(surface, Surface):
-        return True  # it has no end
+        return True  # a plane is infinite
     return bool(surface.table.usable.any()) and boxes_meet(body.local(points)[0], surface.box, reach)
 
 

@@ -1,9 +1,9 @@
-"""PressWatch: whether an object pushes back less, the deeper it is pressed into a finger.
+"""PressWatch: detection of objects whose force falls while they are pressed deeper.
 
-Linear skin parts about an object that is much smaller than it is pressed deep: a needle, a frictionless ball, the tip
-of a horn. Then force falls where real skin would hold. Nothing but the force itself tells this from a right solution.
-Once skin has slid past the widest part, it would draw the object farther into the finger: without adhesion contact
-never does.
+Linear skin opens around an object that is much smaller than its penetration, such as a needle, a ball without friction
+or the tip of a horn. Its force then falls where that of real skin would not. Only the force distinguishes this from a
+valid solution. After the skin has slid past the widest part of the object, contact would pull the object into the
+finger, which is impossible without adhesion.
 """
 
 from __future__ import annotations
@@ -17,14 +17,20 @@ from ...arrays import Array, Indices
 from .bodies import ContactBody, NodeGaps, moved, paired
 from .path_step import PathStep
 
-# So much of the largest force may be lost while everything presses deeper, and so much in any case, over the skin's
-# modulus [m^2]: of skin of 100 kPa a thousandth of a newton.
+# Loss of force that is tolerated while all bodies press deeper: as a share of the largest force, and as a force over
+# the skin's modulus [m^2]. The latter is 1 mN for skin of 100 kPa.
 LOST, LEAST = 0.02, 1e-8
-MODULUS = 1e5  # of the preset fingers [Pa]
+MODULUS = 1e5  # default Young's modulus, that of the preset fingers [Pa]
 
 
 class _Held(NamedTuple):
-    """Points that were loaded last [m], by which body, and how each pushed straight into them [N], shape (m, 3)."""
+    """Points that carried force last.
+
+    Attributes:
+        points: their undeformed positions [m], shape (m, 3).
+        body: index of the body at each point, shape (m,).
+        push: normal force of the body on each point [N], shape (m, 3).
+    """
 
     points: Array
     body: Indices
@@ -35,13 +41,13 @@ _NOTHING = _Held(np.empty((0, 3)), np.empty(0, dtype=np.intp), np.empty((0, 3)))
 
 
 class PressWatch:
-    """Follows the force on a finger from frame to frame.
+    """Monitor of the force on a finger from frame to frame.
 
     Args:
         modulus: Young's modulus of the finger's skin [Pa].
 
     Attributes:
-        most: the largest since everything that touches began to press deeper [N].
+        most: largest force since all touching bodies began to press deeper [N].
     """
 
     def __init__(self, modulus: float = MODULUS) -> None:
@@ -50,7 +56,7 @@ class PressWatch:
         self._held = _NOTHING
 
     def forget(self) -> None:
-        """Begin anew: the next contact is no continuation."""
+        """Reset; the next contact does not continue an earlier one."""
         self.most, self._held = 0.0, _NOTHING
 
     def save(self) -> tuple[float, _Held]:
@@ -62,10 +68,11 @@ class PressWatch:
         self.most, self._held = state
 
     def lost(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> float:
-        """Return which share of the force a frame has lost although it presses deeper; zero where that is little.
+        """Return the share of the force that was lost although all bodies press deeper; zero if it is tolerated.
 
         Args:
-            came: the bodies where the frame begins, of a first touch where they meet.
+            came: bodies at the begin of the frame; for a first touch, at the instant of contact.
+            step: result of the frame.
             points: points of the undeformed skin [m], shape (m, 3).
         """
         pushed, loaded, before = float(step.solution.force[:, 2].sum()), step.solution.force.any(axis=1), self._held
@@ -73,7 +80,7 @@ class PressWatch:
             assert step.gaps is not None
             push = (step.solution.normal_force[:, None] * step.solution.normals)[loaded]
             self._held = _Held(points[loaded], step.gaps.body[loaded], push)
-        # a body that slipped off, alone or with all others, is watched where it was held last
+        # A body that slipped off is still compared at the points at which it pressed last.
         if pushed >= self.most or not all(
             _deeper(came, step.gaps, *held) for held in (before, self._held) if held.body.size
         ):
@@ -82,7 +89,10 @@ class PressWatch:
         return missing / self.most if missing > max(LOST * self.most, self._least) else 0.0
 
     def pulling(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> tuple[int, ...]:
-        """Return which bodies a finger draws in, friction aside, although they press deeper; as for `lost`."""
+        """Return the bodies whose normal forces pull them into the finger although they press deeper.
+
+        Arguments are those of `lost`.
+        """
         solution, gaps = step.solution, step.gaps
         loaded = solution.force.any(axis=1)
         if gaps is None or not solution.converged or not (solution.normals[loaded, 2] < 0.0).any():
@@ -95,13 +105,15 @@ class PressWatch:
 def _deeper(
     came: Sequence[ContactBody], gaps: NodeGaps | None, points: Array, which: Indices, push: Array | None = None
 ) -> bool:
-    """Return whether all that touches came nearer to the nail, and moved less to the side.
+    """Return whether all touching bodies moved towards the nail, and less to the side.
 
     Args:
-        points: points of the skin that are touched [m], shape (m, 3).
-        which: index of the body that touches each, shape (m,).
-        push: of the bodies straight into the points [N], shape (m, 3): a flank that pushes up and to one side comes off
-            where it moves to the other.
+        came: bodies at the begin of the frame.
+        gaps: gaps at its end.
+        points: touched points of the skin [m], shape (m, 3).
+        which: index of the body at each point, shape (m,).
+        push: normal forces on the points [N], shape (m, 3). With them, a body does not count if it moves against the
+            direction in which it pushes up and sideways, because its flank then lifts off.
     """
     if gaps is None or which.size == 0 or any(a.away != b.away for a, b in paired(came, gaps.bodies)):
         return False

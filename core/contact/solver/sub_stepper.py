@@ -1,9 +1,9 @@
-"""SubStepper: the way between two frames, walked in steps that contact can follow.
+"""SubStepper: division of the movement between two frames into sub-steps.
 
-Friction remembers the way, and a surface is only known where the skin is. So a frame that presses or turns much is
-walked in parts; a finger that is first seen inside an object is led there from outside; an object that went all the
-way through a finger lets it go, and says so; and one that slid under it from the side, with the skin hanging on its
-rim, is pressed anew from beneath.
+Friction depends on the path, and gaps are known only near the skin. A frame with much normal movement or rotation is
+therefore solved in several parts. A finger that is inside an object in its first frame is moved there from outside. An
+object that has passed through a finger is ignored until the finger is outside of it, and a finding reports it. An
+object that slid under the finger from the side, with the skin hanging on its rim, is pressed again from below.
 """
 
 from __future__ import annotations
@@ -23,51 +23,55 @@ from .path_solver import PathSolver
 from .path_step import PathStep
 from .press_watch import MODULUS, PressWatch
 
-# A part of a frame presses by no more than this [m]; where the surface turns, it moves by no more than TURNING.
+# Largest normal movement in a part of a frame [m], and largest movement in any direction if the normals turn [m].
 PRESSING, TURNING = 0.1e-3, 0.1e-3
-# Beyond the depth that linear skin is trusted at, a frame has no more parts than this.
+# Largest number of parts of a frame beyond the depth at which the skin's model is trusted.
 DEEP_PARTS = 4
-# The surface turns where normals of loaded nodes differ by more than this cosine says.
+# Normals turn if the cosine between a loaded node's normals before and after the frame is below this.
 STRAIGHT = 0.95
+# Largest number of parts of a frame.
 MAX_PARTS = 60
-# ... and one that is only looked at in passing no more than this.
+# Largest number of parts if `SubStepper.coarse` is set.
 COARSE_PARTS = 2
-# A finger counts as outside an object when no node is deeper in it than this [m].
+# A finger counts as outside an object if no node is deeper in it than this [m].
 OUTSIDE = 1e-7
-SEARCHES = 40
-# An object that went through a finger is above the pad for as long as some of so many ways meet it within this [m].
+SEARCHES = 40  # largest number of iterations of a search for first contact
+# An object that has passed through a finger counts as above the pad if a line upwards from one of this many points of
+# the pad meets it within this length [m].
 WAYS, ABOVE = 16, 0.1
-# Of an object so many vertices are looked for within the finger, in directions of skin that are this near (a cosine).
+# Number of vertices of an object that are tested for being inside the finger, and least cosine between the directions
+# of a vertex and of the point of the skin with which it is compared.
 VERTICES, IN_LINE = 64, 0.95
 THROUGH, UNFELT = "an object went through the finger", ", and is not felt until the finger is outside"
 
 
 class SubStepper:
-    """Steps a solver from frame to frame.
+    """Advances a contact solver from frame to frame, in sub-steps if necessary.
 
     Args:
         solver: contact solver of one finger.
-        deepest: depth at which an object that the bone has left again went through the finger [m].
+        deepest: penetration beyond which an object that does not contain the bone has passed through the finger [m].
         modulus: Young's modulus of the finger's skin [Pa].
 
     Attributes:
-        coarse: walk frames in few parts. cut: whether that was fewer than it takes, since this was set to False.
+        coarse: whether to limit frames to `COARSE_PARTS` parts.
+        cut: whether a frame was limited since this was last set to False.
     """
 
     def __init__(self, solver: PathSolver, deepest: float, modulus: float = MODULUS) -> None:
         self.solver, self.deepest = solver, deepest
-        self._left: frozenset[int] = frozenset()  # bodies that are not felt until the finger is outside of them
-        self._facing: dict[int, float] = {}  # above zero where a body's normals point out of it, below where in
+        self._left: frozenset[int] = frozenset()  # bodies that are ignored until the finger is outside
+        self._facing: dict[int, float] = {}  # signed volume of each closed body: positive if its normals point outwards
         self._press = PressWatch(modulus)
         self._number = 0.0  # of the frame, for findings
         self.coarse = self.cut = False
 
     def idle(self, count: int = 1) -> PathStep:
-        """Take frames in which nothing is near; a small object may still lie within the finger, and stays left."""
+        """Take `count` frames in which nothing is near; ignored bodies remain ignored."""
         return self.solver.idle(count)
 
     def adopted(self) -> None:
-        """Go on from a frame that somebody else has solved."""
+        """Continue from a frame that was solved elsewhere."""
         self._press.forget()
 
     def save(self) -> dict[str, Any]:
@@ -91,9 +95,11 @@ class SubStepper:
         """Solve the next frame.
 
         Args:
-            bodies: as in `PathSolver.step`.
-            before: asked for the same bodies in the frame before, where the solver did not see that one: a finger
-                that is now inside came from there; along its own normal where that gives None.
+            bodies: as for `PathSolver.step`.
+            before: function that returns the same bodies in the frame before, or None. It is called if the finger has
+                no history: a finger inside an object is then moved there from this frame, or along its own normal for
+                None.
+            scene_frame: scene frame, for findings.
         """
         self._number = float(self.solver.frames) if scene_frame is None else scene_frame
         touched = self.solver.loaded.any()
@@ -110,7 +116,7 @@ class SubStepper:
             start = self._start(bodies, before, gaps)
         ways = self._ways(start, bodies, gaps)
         if begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies) and _rub(bodies):
-            ways.insert(0, list(start))  # friction counts from where skin is first touched
+            ways.insert(0, list(start))  # friction begins at the first touch
         for way in ways:
             self.solver.step(way, part=True)
         step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
@@ -129,7 +135,7 @@ class SubStepper:
                 remedy="Press less deep, or give it more friction",
             )
         if touched and not self.solver.loaded.any():
-            self.solver.reset()  # skin that was lifted forgets: the next touch is as the first
+            self.solver.reset()  # after skin has lifted off, the next touch has no history
         return step
 
     # -- the way -------------------------------------------------------------------------------------------------
@@ -137,7 +143,7 @@ class SubStepper:
     def _ways(
         self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps
     ) -> list[list[ContactBody]]:
-        """Return the bodies at each part of the way but the last."""
+        """Return the bodies at the end of each part of the frame but the last."""
         parts = self._parts(start, bodies, gaps)
         if self.coarse and parts > COARSE_PARTS:
             parts, self.cut = COARSE_PARTS, True
@@ -163,7 +169,7 @@ class SubStepper:
         ]
 
     def _inside(self, gaps: NodeGaps) -> tuple[float, float]:
-        """Return the penetration of skin, undeformed and where it is, in this frame or the last [m]."""
+        """Return the largest penetration of the undeformed and of the deformed skin in this frame or the last [m]."""
         seen = (gaps, self.solver.gaps or gaps)
         pressed, inside = (max(-min(float(getattr(g, name).min()) for g in seen), 0.0) for name in ("gap", "clearance"))
         return pressed, inside
@@ -171,10 +177,10 @@ class SubStepper:
     def _near(
         self, a: ContactBody, b: ContactBody, points: Array, pressed: float = 0.0, inside: float = 0.0
     ) -> NearTriangles | None:
-        """Return the triangles of a deforming surface that skin may meet on the way; None for all."""
+        """Return the triangles of a deforming surface that the skin may meet in the frame; None for all."""
         if not reshaped(a, b):
             return None
-        # loaded skin lies on the surface, pressed in towards the bone; other skin about where it is undeformed
+        # Loaded skin is on the surface, displaced towards the bone. Other skin is near its undeformed position.
         bone = self.solver.bone
         skin = np.concatenate([points, points + bone * (pressed / np.linalg.norm(bone))])
         reach = self.solver.search_radius + min(inside, self.deepest) + travel(a, b, points)
@@ -184,7 +190,7 @@ class SubStepper:
         return NearTriangles.about(a.surface, b.surface, box)
 
     def _far(self, a: ContactBody, b: ContactBody) -> float:
-        """Return how far a body moves about the pad, at most [m]."""
+        """Return the largest movement of a body near the pad [m]."""
         near = self._near(a, b, self.solver.pad)
         return travel(a, b, self.solver.pad) if near is None else vertices_moved(near, a, b)
 
@@ -207,7 +213,7 @@ class SubStepper:
     def _travel(
         self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices
     ) -> float:
-        """Return how far the bodies' matter moves at the nodes that it is closest to [m]."""
+        """Return the largest movement of the bodies' material at nodes [m]."""
         far, which = 0.0, gaps.body[nodes]
         for i in np.unique(which).tolist():
             own = nodes[which == i]
@@ -245,7 +251,10 @@ class SubStepper:
         return start
 
     def _retreat(self, body: ContactBody) -> float | None:
-        """Return how far a body must go down for the finger to be outside of it [m]; None beyond the bone."""
+        """Return the distance by which a body must be lowered for the finger to be outside [m].
+
+        None if it exceeds the bone.
+        """
         far = self._above(body, self.solver.pad, self.deepest)
         for _ in range(SEARCHES):
             inside = -self._gap([lowered(body, far)])
@@ -257,7 +266,7 @@ class SubStepper:
         return None
 
     def _above(self, body: ContactBody, points: Array, height: float) -> float:
-        """Return the highest that a body's upper faces lie above points of the pad, of those below a height [m]."""
+        """Return the largest height of a body's upper faces above points of the pad, up to a given height [m]."""
         if not isinstance(body.surface, Surface) or not body.surface.closed:
             return 0.0
         up = self.solver.bone * (height / np.linalg.norm(self.solver.bone))
@@ -266,33 +275,33 @@ class SubStepper:
         return float(((1.0 - share) * (triangle >= 0)).max()) * height
 
     def _first_touch(self, before: Sequence[ContactBody], bodies: Sequence[ContactBody]) -> list[ContactBody]:
-        """Advance from where nothing touches as far as the smallest gap allows, until it allows nothing."""
+        """Interpolate the bodies from a state without contact to first contact, in steps of the smallest gap."""
         share, both = 0.0, list(zip(before, bodies, strict=True))
         near, far = [self._near(a, b, self.solver.pad) for a, b in both], max(self._far(a, b) for a, b in both)
         gap = self.solver.search_radius
         for _ in range(SEARCHES):
             here = [between(a, b, share, some) for (a, b), some in zip(both, near, strict=True)]
-            gap = min(self._gap(here, 2.0 * gap), 2.0 * gap)  # it was advanced by the last, and may be twice that
+            gap = min(self._gap(here, 2.0 * gap), 2.0 * gap)  # the last step can at most double it
             if gap <= OUTSIDE:
                 break
             share = min(share + gap / max(far, 1e-12), 1.0)
         return here
 
     def _gap(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
-        """Return the smallest gap of the undeformed skin [m], inf where there is none within reach."""
+        """Return the smallest gap of the undeformed skin [m]; inf if no body is within reach."""
         return self.solver.outside(bodies, reach)
 
     # -- all the way through -------------------------------------------------------------------------------------
 
     def _felt(self, bodies: Sequence[ContactBody]) -> list[ContactBody]:
-        """Return the bodies, those away that went through the finger and are not out of it yet."""
+        """Return the bodies; those that are ignored are `AWAY`."""
         for index in self._left:
             if index >= len(bodies) or not (bodies[index].away or self._in_or_above(bodies[index])):
                 self._left -= {index}
         return [AWAY if index in self._left else body for index, body in enumerate(bodies)]
 
     def _turned_over(self, bodies: Sequence[ContactBody]) -> None:
-        """Leave bodies that were turned inside out: they come from nowhere, and may be all about the skin."""
+        """Ignore bodies that were turned inside out, because they may then enclose the skin."""
         for index, body in enumerate(bodies):
             if body.away or not isinstance(body.surface, Surface) or not body.surface.closed:
                 continue
@@ -302,7 +311,7 @@ class SubStepper:
             self._facing[index] = facing
 
     def _crossed(self, bodies: Sequence[ContactBody]) -> None:
-        """Leave open surfaces that the bone went through: it would be touched from their other side at once."""
+        """Ignore open surfaces through which the bone passed, because their side of contact would change."""
         for index in self.solver.loaded_bodies:
             a, b = self.solver.bodies[index], bodies[index]
             if a.away or b.away or not isinstance(b.surface, Surface) or b.surface.closed:
@@ -322,7 +331,7 @@ class SubStepper:
         return isinstance(body.surface, Surface) and self._within(body, body.surface.vertices)
 
     def _within(self, body: ContactBody, vertices: Array) -> bool:
-        """Return whether some vertices are within the flesh: nearer to the bone than skin that is in line with them."""
+        """Return whether a vertex is inside the finger: nearer to the bone than the skin in the same direction."""
         some = vertices[:: len(vertices) // VERTICES + 1] @ body.rotation.T + body.translation - self.solver.bone
         skin = self.solver.pad - self.solver.bone
         far, deep = (np.sqrt(np.einsum("ij,ij->i", v, v)) for v in (some, skin))
@@ -344,10 +353,11 @@ class SubStepper:
         return self._over(over, self._felt(bodies)) if over else self._last(self._felt(bodies))
 
     def _over(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:
-        """Press bodies anew whose rims the skin hung on: they lie under the finger, not beyond it.
+        """Press bodies again from below on whose rims the skin hung.
 
         Args:
-            far: how far each must go down for the finger to be outside of it [m].
+            far: distance by which each must be lowered for the finger to be outside [m], by the index of the body.
+            bodies: all bodies.
         """
         what = "the skin hung on the rim of an object that slid under the finger, and is pressed onto it anew"
         self.solver.notes.warn("over-a-rim", what, self._number, remedy="Raise the finger, or come from above")
@@ -363,7 +373,7 @@ class SubStepper:
 
 
 def _meets(surface: Surface, start: Array, end: Array) -> bool:
-    """Return whether straight ways [m], shape (n, 3), lead through a surface from either side."""
+    """Return whether a straight line between points [m], shape (n, 3), crosses a surface from either side."""
     return any((first_crossing(surface.table, start, end, side)[0] >= 0).any() for side in (1, -1))
 
 

@@ -1,7 +1,7 @@
-"""Succession: which points come in the place of which, when cells are split and merged.
+"""Succession: transfer of state from removed points to new ones when cells are split or merged.
 
-Force is passed on whole: a cell's goes to those that it overlaps, in proportion to the overlap, so that cells
-that are merged leave the sum of theirs.
+The force of a cell is distributed to the cells that it overlaps, in proportion to the overlap. The total force is then
+conserved.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ...skin.pad_chart import PadChart
 
 @dataclass(frozen=True, eq=False)
 class Succession:
-    """Points that come in others' place.
+    """New cells with the former cells that they replace.
 
     Attributes:
         heirs: indices of the new cells, one for each pair of an old cell and a new one, shape (n,).
@@ -29,21 +29,24 @@ class Succession:
     shares: Array
 
     def force(self, old: Array, new: Array) -> None:
-        """Add the forces of old points [N] to new ones, in place."""
+        """Add the forces of former points [N] to those of new points, in place."""
         np.add.at(new, self.heirs, self.shares[:, None] * old[self.sources])
 
     def main(self, load: Array) -> tuple[Indices, Indices]:
-        """Return each heir once, and of its sources the one with the largest load."""
+        """Return each new cell once, with the former cell of largest load that it replaces."""
         order = np.lexsort((-load[self.sources], self.heirs))
         heirs, first = np.unique(self.heirs[order], return_index=True)
         return heirs, self.sources[order][first]
 
 
 def succession(chart: PadChart, leaving: Indices, sources: Indices, entering: Indices) -> Succession:
-    """Return which cells that enter come in the place of which that leave, the first heir counted 0.
+    """Return the relation between removed and added cells.
 
     Args:
-        leaving: cells, shape (k,). sources: their places, shape (k,). entering: cells, shape (n,).
+        chart: chart of the pad.
+        leaving: indices of the removed cells, shape (k,).
+        sources: positions of their points, shape (k,).
+        entering: indices of the added cells, shape (n,); the first has the number 0 in `Succession.heirs`.
     """
     old, heir, share = chart.tiles.overlap(leaving, entering)
     total = np.bincount(old, share, minlength=len(leaving))

@@ -1,10 +1,11 @@
-"""Friction between the ends of a frame, as shifts of where slip is counted from.
+"""Second-order corrections of friction within a frame, as shifts of slip.
 
-Coulomb's law at the end of a frame alone is right to the first order of its length: a node that came to touch on the
-way would be dragged from where the frame began, and one that slips would be held back in the direction of its whole
-way. Here skin and bodies go straight from one end to the other. A node that slips is held back along its first and its
-last force, weighed as the exact solution does where slip turns. One that came to touch is held from where its way
-crosses the surface: that is known once the frame is solved, so the next one is the first to start from there.
+Coulomb's law at the end of a frame is accurate to first order in the length of the frame. A node that comes into
+contact within the frame would be dragged from the begin of the frame, and a slipping node would be held back along the
+whole movement of the frame. The corrections assume that skin and bodies move on straight lines within a frame. A
+slipping node is held back along its first and its last force, weighted as in the exact solution for slip that changes
+its direction. A node that comes into contact is held back from the point at which its path crosses the surface. This
+point is known only after the frame is solved, so it takes effect in the next frame.
 """
 
 from __future__ import annotations
@@ -20,34 +21,39 @@ from .cone import STICK, TINY, along
 from .history import ContactHistory
 from .solve import Solution
 
-# Where forces change by less than the first in a frame, relative to their size, slip turns by no more, and is not
-# shifted; it is as a whole above the second.
+# Relative change of the forces in a frame up to which no shift is applied, and from which on the whole shift is
+# applied. The direction of slip changes by no more than the forces do.
 CHANGING = (1e-3, 2e-3)
-# Slip, and skin that is dragged, is foreseen where the matter below moves on by no more than this multiple.
+# Largest factor by which slip and drag are extrapolated in proportion to the movement of the material below.
 FORESEEN = 2.0
-# Movement of skin by itself is not foreseen: where matter moves by less than this share of it.
+# Movement of the skin is not extrapolated if the material below moves by less than this share of it.
 OWN = 0.1
-# Skin that is dragged is not looked for ahead where normals, on average by load, are shorter than the first: it may lie
-# on an edge, whose faces point elsewhere. It is above the second.
+# Length of the load-weighted mean normal below which the drift of skin is not extrapolated, since the skin may lie on
+# an edge, and above which it is extrapolated fully.
 ROUND = (0.8, 0.9)
-# Slip shorter than this multiple of the slip length turns as if it were infinitely short.
+# Slip shorter than this multiple of the slip length is treated as if it had this length.
 SHORT = 1e-2
 
 
 def across(vectors: Array, normals: Array) -> Array:
-    """Return the parts of vectors across unit normals, shape (k, 3) each."""
+    """Return the tangential parts of vectors, shape (k, 3), with respect to unit normals, shape (k, 3)."""
     return vectors - along(vectors, normals)[:, None] * normals
 
 
 def changing(change: float, size: float) -> float:
-    """Return how much of its shifts a frame takes, by squares of how forces changed in the last one, and of forces."""
+    """Return the share of its shifts that a frame applies, 0 to 1.
+
+    Args:
+        change: squared norm of the change of the forces in the last frame [N^2].
+        size: squared norm of the forces [N^2].
+    """
     low, high = CHANGING
     return min(max((np.sqrt(change / max(size, TINY)) - low) / (high - low), 0.0), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Shifts:
-    """By how much slip is to be shifted.
+    """Shifts of the slip of some nodes.
 
     Attributes:
         nodes: indices of the nodes, shape (k,).
@@ -58,9 +64,16 @@ class Shifts:
     shift: Array
 
     def back(self, slip: Array, solution: Solution) -> Array:
-        """Return how far anchors are behind the nodes of a frame that was solved without the shifts [m], shape (k, 3).
+        """Return the distance by which anchors lag behind the nodes of a frame that was solved without the shifts.
 
-        One that was dragged from too far away may seem to slip that would not.
+        Without its shift, a node that would stick may seem to slip.
+
+        Args:
+            slip: slip of all nodes [m], shape (m, 3).
+            solution: solution of the frame.
+
+        Returns:
+            The distance for each of `nodes` [m], shape (k, 3).
         """
         ahead, force = self.shift + slip[self.nodes], across(solution.force[self.nodes], solution.normals[self.nodes])
         share = np.maximum(along(ahead, force), 0.0) / np.maximum(along(force, force), TINY)
@@ -71,16 +84,19 @@ NONE = Shifts(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
 
 
 class WithinFrame:
-    """The way of one frame, for nodes that slipped in the last one.
+    """Movement within one frame, for nodes that slipped in the last one.
 
     Args:
-        gaps: at its end.
-        history: at its begin. force: then [N], shape (m, 3). loaded: where that is any, shape (m,).
-        way: movement of the nodes relative to the bodies below them if the skin had not moved [m], shape (m, 3).
+        gaps: gaps at the end of the frame.
+        history: friction history at its begin.
+        force: forces at its begin [N], shape (m, 3).
+        loaded: whether each node carries force at its begin, shape (m,).
+        way: movement of the nodes relative to the bodies below them if the skin does not move [m], shape (m, 3).
 
     Attributes:
-        nodes: which slipped, shape (k,). swept: ways across the normals [m], shape (m, 3).
-        passed: how far loaded skin, had it stood still, went over the body below [m], shape (3,).
+        nodes: indices of the nodes that slipped, shape (k,).
+        swept: tangential part of `way` for loaded nodes, else zero [m], shape (m, 3).
+        passed: mean of this part, weighted with the forces [m], shape (3,).
     """
 
     def __init__(
@@ -103,10 +119,11 @@ class WithinFrame:
         self.swept[at] = swept
 
     def expected(self, compliance: Array, share: float) -> Shifts:
-        """Return the shifts if slip goes on as the body below moves on.
+        """Return the shifts if slip continues in proportion to the movement of the body below.
 
-        Slip that turns by a small angle relaxes as exp(-x), x the slip over the slip length; so much of it as the mean
-        of that is held back along the first direction, the rest along the last.
+        After a small change of direction, slip relaxes as exp(-x), where x is the slip divided by the slip length. The
+        mean of this over the frame is the share that is held back along the first direction; the rest is held back
+        along the last one.
 
         Args:
             compliance: compliance of each node to its own force [m/N], shape (k,).
@@ -121,20 +138,22 @@ class WithinFrame:
 
 
 def entered(solution: Solution, gaps: NodeGaps, history: ContactHistory, loaded: NDArray[np.bool_]) -> Indices:
-    """Return which nodes came to touch the body below them, of those that carried nothing in the last frame."""
+    """Return the nodes that came into contact with the body below them in this frame."""
     new = np.flatnonzero(solution.status.astype(bool) & ~loaded)
     return new[(history.body[new] == gaps.body[new]) & (solution.friction[new] > 0.0)]
 
 
 def crossed(nodes: Indices, solution: Solution, before: Array, compliance: Array) -> Shifts:
-    """Return the shifts of nodes that came to touch.
+    """Return the shifts of nodes that came into contact.
 
     Args:
-        nodes: which, shape (k,). before: their gaps in the last frame [m], shape (k,).
+        nodes: indices of the nodes, shape (k,).
+        solution: solution of the frame.
+        before: gaps of the nodes in the last frame [m], shape (k,).
         compliance: compliance of each node to its own force [m/N], shape (k, 3, 3).
     """
     normal = solution.normals[nodes]
-    # where they would be, had they met nothing
+    # relative displacement without the nodes' own forces
     free = solution.displacement[nodes] - np.einsum("kij,kj->ki", compliance, solution.force[nodes])
     beneath = np.maximum(-along(free, normal), 0.0)
     share = before / np.maximum(before + beneath, TINY)
@@ -144,10 +163,11 @@ def crossed(nodes: Indices, solution: Solution, before: Array, compliance: Array
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """How loaded skin went along in a frame: by its share of the load, along the surface.
+    """Tangential movement of the loaded skin in a frame, as a mean weighted with the forces.
 
     Attributes:
-        moved: [m], shape (3,). passed: its way over the body, had it stood still [m], shape (3,).
+        moved: movement of the skin [m], shape (3,).
+        passed: movement over the body if the skin had not moved [m], shape (3,).
     """
 
     moved: Array
@@ -155,7 +175,14 @@ class Drift:
 
     @classmethod
     def of(cls, gaps: NodeGaps, force: Array, moved: Array, passed: Array) -> Drift:
-        """Return it for a frame: forces [N] and ways of nodes [m], shape (m, 3) each."""
+        """Return the drift of a frame.
+
+        Args:
+            gaps: gaps at the end of the frame.
+            force: forces [N], shape (m, 3).
+            moved: movement of the nodes [m], shape (m, 3).
+            passed: see `WithinFrame.passed`.
+        """
         at = np.flatnonzero(force.any(axis=1))
         load, normal = force.take(at, axis=0), gaps.normal.take(at, axis=0)
         size = np.sqrt(along(load, load))
@@ -165,9 +192,12 @@ class Drift:
         return cls(smooth * (share @ across(moved.take(at, axis=0), normal)), passed)
 
     def next(self, passed: Array) -> Array:
-        """Return how far skin is expected to go along in the next frame [m], shape (3,).
+        """Return the expected movement of the loaded skin in the next frame [m], shape (3,).
 
-        Skin that is dragged over something round is else looked for where it was, and faces where that pointed.
+        Without it, skin that is dragged over a round object would be expected at its last position, with wrong normals.
+
+        Args:
+            passed: expected movement over the body if the skin does not move [m], shape (3,).
         """
         own = OWN**2 * float(self.moved @ self.moved)
         grown = float(passed @ self.passed) / max(float(self.passed @ self.passed) + own, TINY)

@@ -203,7 +203,7 @@ def test_a_whole_press_in_one_frame_is_the_end_of_its_path(skin: SkinModel, shap
 def test_a_finger_that_begins_where_linear_skin_is_inside_out_is_led_in(
     skin: SkinModel, exact: ExactFinger, pitch: float, roll: float
 ) -> None:
-    """Linear skin, from which the law is asked first, folds there: what presses comes straight in, in parts."""
+    """Linear skin, with which the iteration begins, folds there: the body is pressed straight in, in parts."""
     touch = press(skin, ball(5e-3), 3e-3, friction=0.0, pitch=pitch, roll=roll, step=3e-3)
     linear = on_nodes(skin.linear, 3e-5).step(touch.bodies(0))
     moved = skin.displacement(linear.solution.force).astype(np.float32)

@@ -61,7 +61,7 @@ def test_the_law_tells_what_it_tells_of_the_same_forces_alone() -> None:
 
 
 def test_pin_forces_are_the_best_by_the_law() -> None:
-    """Small changes of the forces, which the law is asked about anew, leave no less."""
+    """Small changes of the forces, for which the law is evaluated again, leave no less."""
     found = PinSolver(ready().matcher, "DM2", force_limit=LIMIT).solve(touch().force, touch().amounts)
     matcher, best = ready().matcher, found.forces[ready().met.hits]
     target, amounts = touch().force.ravel()[None], touch().amounts[None]

@@ -1,4 +1,4 @@
-"""A thimble on skin that follows the neo-Hookean law: what is told is the law's, and one look a frame is the rule."""
+"""A thimble on neo-Hookean skin: results are those of the law, and most frames need one evaluation of it."""
 
 from functools import lru_cache
 
@@ -114,7 +114,7 @@ def test_one_look_a_frame_is_the_rule(name: str) -> None:
 
 
 def test_no_pose_beside_is_clearly_better_by_the_law() -> None:
-    """At the end of a press, poses around the commanded one leave no less when the law is asked about each."""
+    """At the end of a press, poses around the commanded one leave no less when the law is evaluated for each."""
     forces, amounts = touched("ball")
     last = int(np.flatnonzero(forces.any(axis=(1, 2)))[40])
     following = follower(skin())

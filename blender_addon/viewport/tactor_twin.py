@@ -6,10 +6,12 @@ Dimensions follow [S3]: an 8 mm hole in the housing, a 12 mm cap that always cov
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import numpy as np
 
+from .._core import Array
 from ..preview.rows import Row
 from . import paint
 from .parts import Colour, Line, Part, circle, disc, heat, joined, lathe, placed, ribbon
@@ -32,8 +34,7 @@ def tactor(row: Row, exaggeration: float) -> Twin:
     lines = [Line(circle(row.full_scale("tactor_x") * exaggeration, 0.3e-3), (*paint.INK[:3], 0.35), 1.0)]
     if np.hypot(*at[:2, 3]) > 1e-5:
         lines.append(Line(np.array([[0.0, 0.0, 0.35e-3], [*at[:2, 3], 0.35e-3]]), paint.INK, 2.5))
-    solid, hidden = joined([housing(), placed(cap(), at)]), joined([plan(), placed(dot(), at)])
-    return Twin(solid, hidden, lines=tuple(lines))
+    return Twin(_moved(housing, cap, at), _moved(plan, dot, at), lines=tuple(lines))
 
 
 def screen(row: Row) -> Twin:
@@ -45,6 +46,17 @@ def screen(row: Row) -> Twin:
         lines.append(Line(circle(radius), (*colour[:3], 0.6), 1.0))
     glow = disc(radius, -0.05e-3, (*colour[:3], (0.25 + 0.6 * level) * (level > 0.0)), (*colour[:3], 0.0))
     return Twin(glow, glow, covers=False, lines=tuple(lines))
+
+
+def _moved(still: Callable[[], Part], moving: Callable[[], Part], at: Array) -> Part:
+    """Return two parts as one, the second at a pose, shape (4, 4); colours and triangles are made once."""
+    positions = np.concatenate([still().positions, placed(moving(), at).positions])
+    return _both(still, moving)._replace(positions=positions)
+
+
+@cache
+def _both(still: Callable[[], Part], moving: Callable[[], Part]) -> Part:
+    return joined([still(), moving()])
 
 
 @cache

@@ -57,7 +57,7 @@ class Encounter:
     @cached_property
     def which(self) -> Which:
         """Indices of the touching samples, as a slice if they are consecutive, which avoids copies."""
-        index = np.flatnonzero(self.touching)
+        index = self.touching.nonzero()[0]
         if index.size and index[-1] - index[0] + 1 == index.size:
             return slice(int(index[0]), int(index[-1]) + 1)
         return index
@@ -72,7 +72,7 @@ class Encounter:
     @cached_property
     def onsets(self) -> Array:
         """Instants at which contact begins [s], shape (e,); contact at the first sample has none."""
-        began = np.flatnonzero(self.touching[1:] & ~self.touching[:-1]) + 1
+        began = (self.touching[1:] & ~self.touching[:-1]).nonzero()[0] + 1
         if began.size == 0:
             return np.zeros(0)
         known = np.isfinite(self.gap[began - 1])

@@ -72,7 +72,7 @@ class PadProxy:
         while first < which.size:
             self._nail = nails[first]
             if not self._held:
-                turned = np.flatnonzero(~same[first:])
+                turned = (~same[first:]).nonzero()[0]
                 if turned.size == 0:
                     break
                 first += int(turned[0])

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 from ..errors import DermisError, Finding
+from ..memory import Memory
 from ..motion import turns_of
 from ..motion.vectors import dot, turn_back, turn_map_back
 from ..motion.vectors import turn as turned
@@ -110,8 +111,11 @@ class PadSampler:
         for parts in self._centres.values():
             del parts[: -len(self._chunks)]
 
-    def finish(self) -> PadContact:
+    def finish(self, memory: Memory | None = None) -> PadContact:
         """Return the contact at all samples that were taken.
+
+        Args:
+            memory: state before the first sample if this is the end of a longer range.
 
         Raises:
             DermisError: there is no sample, times do not rise, or an animated parameter is never finite.
@@ -137,6 +141,7 @@ class PadSampler:
             animated=animated,
             skipped={k: v for k, v in self._skipped.items() if v},
             findings=(*self._repairs.findings(), *(f for b in sorted(noted) for f in noted[b])),
+            memory=memory,
         )
 
     # -- broad phase ---------------------------------------------------------------------------------------------
@@ -151,9 +156,9 @@ class PadSampler:
         for b, middle, half in self._boxes(chunk, bodies, boxes, within):
             low = (middle - half).min(axis=0) - self._radius.longest
             high = (middle + half).max(axis=0) + self._radius.longest
-            close = np.flatnonzero(((pads.min(axis=1) <= high) & (pads.max(axis=1) >= low)).all(axis=1))
+            close = ((pads.min(axis=1) <= high) & (pads.max(axis=1) >= low)).all(axis=1).nonzero()[0]
             near = [
-                (int(f), np.flatnonzero((np.abs(pads[f] - middle) <= half + self._radius.longest).all(axis=1)))
+                (int(f), (np.abs(pads[f] - middle) <= half + self._radius.longest).all(axis=1).nonzero()[0])
                 for f in close
                 if int(f) in self._own
             ]

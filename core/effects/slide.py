@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +59,7 @@ def directions(
         elif down:
             heading.lift()
         down = bool(touching[start])
-    return np.array(result).reshape(-1, 2)
+    return np.fromiter(chain.from_iterable(result), np.float64, 2 * count).reshape(-1, 2)
 
 
 def friction_of_slope(slope_x: Array, slope_y: Array, direction: Array, scale: float | Array) -> Array:

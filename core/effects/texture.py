@@ -41,11 +41,11 @@ def displacement(
     """
     wave: Array | float = 0.0
     for axis, (alpha, length) in enumerate(zip(amplitude, period, strict=True)):
-        if not np.all(alpha == 0.0):
-            if not np.all(np.asarray(length) > 0.0):
+        if alpha.any() if isinstance(alpha, np.ndarray) else alpha != 0.0:
+            if not ((length > 0.0).all() if isinstance(length, np.ndarray) else length > 0.0):
                 raise DermisError("a texture's period must be above 0", value=float(np.min(length)), limit="> 0 m")
             wave = wave + alpha * np.sin(place[:, axis] * (2.0 * math.pi / length))
-    return scaled(direction, np.broadcast_to(-friction * wave, len(place)))
+    return scaled(direction, -friction * wave)
 
 
 @dataclass(frozen=True)

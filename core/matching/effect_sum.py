@@ -114,7 +114,7 @@ class EffectSum:
         own = self.scene.fingers[self.finger].parameters
         kind = FINGER["pattern"].of(own, self._where)
         on = self._used("pattern")
-        if kind == "none" or not np.any(on):
+        if kind == "none" or not _ever(on):
             self._skip("effects_off")
             return
         at = (self.pad_contact.series(f"finger/{self.finger}", FINGER[name], own, self.times) for name in PLAYED)
@@ -139,7 +139,7 @@ class EffectSum:
     def _add_transient(self, met: Encounter, b: int) -> None:
         amplitude = self._parameter(b, "transient_amplitude")
         on = self._switch(b, "transient")
-        if on is None or not np.any(amplitude):
+        if on is None or not _ever(amplitude):
             self._skip("effects_off")
             return
         onsets = met.onsets
@@ -166,7 +166,7 @@ class EffectSum:
     def _add_texture(self, met: Encounter, b: int) -> None:
         amplitudes = self._parameter(b, "texture_amplitude_x"), self._parameter(b, "texture_amplitude_y")
         on = self._switch(b, "texture")
-        if on is None or not (np.any(amplitudes[0]) or np.any(amplitudes[1])):
+        if on is None or not (_ever(amplitudes[0]) or _ever(amplitudes[1])):
             self._skip("effects_off")
             return
         which = met.which
@@ -200,11 +200,11 @@ class EffectSum:
 
     def _wants_weight(self, b: int) -> bool:
         return self._switch(b, "weight") is not None and bool(
-            np.any(self._parameter(b, "weight_acceleration")) or np.any(self._parameter(b, "weight_gravity"))
+            _ever(self._parameter(b, "weight_acceleration")) or _ever(self._parameter(b, "weight_gravity"))
         )
 
     def _wants_content(self, b: int) -> bool:
-        return self._switch(b, "content") is not None and bool(np.any(self._parameter(b, "content_amplitude")))
+        return self._switch(b, "content") is not None and _ever(self._parameter(b, "content_amplitude"))
 
     def _weight(self, b: int, index: NDArray[np.intp]) -> Array:
         """Return the displacement by a held body's weight at some samples, in world axes, shape (k, 3)."""
@@ -379,3 +379,8 @@ class EffectSum:
 
     def _skip(self, name: str) -> None:
         self.skipped[name] = self.skipped.get(name, 0) + 1
+
+
+def _ever(value: float | Array) -> bool:
+    """Return whether a setting, one number or one for each time, is ever other than 0."""
+    return bool(value.any()) if isinstance(value, np.ndarray) else value != 0.0

@@ -72,6 +72,12 @@ class Motion:
             return Spline(self.knots, np.repeat(one, len(self.times), axis=0))
         return Spline(self.knots, continuous(quaternions(rotations(self._linear))))
 
+    @cached_property
+    def at_first(self) -> Array:
+        """The object-to-world rotation matrix at the first sample, shape (3, 3)."""
+        first: Array = matrices(self.rotations.values[:1])[0]
+        return first
+
     def at(self, t: Array) -> MotionSamples:
         """Return the motion at times [s], shape (m,); each quantity is computed when it is first read."""
         return MotionSamples(self, np.asarray(t, dtype=np.float64))
@@ -113,7 +119,7 @@ class MotionSamples:
     def rotation(self) -> Array:
         """Object-to-world rotation matrices, shape (m, 3, 3)."""
         if not self.turns:
-            return np.broadcast_to(matrices(self._motion.rotations.values[:1])[0], (len(self.times), 3, 3))
+            return np.broadcast_to(self._motion.at_first, (len(self.times), 3, 3))
         return matrices(self._quaternion)
 
     @cached_property

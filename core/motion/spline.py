@@ -82,8 +82,8 @@ class Spline:
         if not np.isfinite(self.values).all():
             raise DermisError("motion has values that are not finite numbers")
         self.knots = times if isinstance(times, Knots) else Knots(times)
-        self._stay = (self.values == self.values[0]).all(axis=0)
-        self.still = bool(self._stay.all())
+        self._stay: list[bool] = (self.values == self.values[0]).all(axis=0).tolist()  # column by column
+        self.still = all(self._stay)
         self._within: tuple[Spline, slice] | None = None  # the one that it is solved with, and its columns there
 
     @property
@@ -95,7 +95,7 @@ class Spline:
         """Return the spline through some of the columns; it is solved with all of them, where it is needed."""
         part = Spline.__new__(Spline)
         part.knots, part.values, part._stay = self.knots, self.values[:, columns], self._stay[columns]
-        part.still = bool(part._stay.all())
+        part.still = all(part._stay)
         part._within = self, columns
         return part
 

@@ -19,8 +19,8 @@ def dot(a: Array, b: Array) -> Array:
     return total
 
 
-def scaled(vectors: Array, factor: Array) -> Array:
-    """Return each row times its own factor, shape (n, k)."""
+def scaled(vectors: Array, factor: float | Array) -> Array:
+    """Return each row times its own factor, or all times one, shape (n, k)."""
     return np.multiply(vectors.T, factor, out=np.empty(vectors.shape[::-1])).T
 
 

@@ -142,7 +142,7 @@ class Trail:
         start, noted = self._before
         start = max(start, times[0])
         memory = Memory(start, max(until, start), now, noted, self._lasting)
-        contact = replace(self._sampler.finish(), memory=memory)
+        contact = self._sampler.finish(memory)
         _solve_motions(contact)
         end = math.ceil(self.first + now * self.frames_per_second)
         scene = replace(self._scene, frame_range=(self._scene.frame_range[0], max(end, self._scene.frame_range[0])))

@@ -32,7 +32,9 @@ class Repairs:
             poses: shape (k, n, 4, 4). frames: shape (n,).
         """
         good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(poses), axis=(2, 3))
-        before = self._last_pose.get(kind, np.full((len(names), 4, 4), np.nan))
+        before = self._last_pose.get(kind)
+        if before is None:
+            before = np.full((len(names), 4, 4), np.nan)
         if not good.all():
             poses = poses.copy()
             for i in np.flatnonzero(~good.all(axis=1)):

@@ -101,10 +101,12 @@ class Limiter:
             channels, own = [self.spec.channels[i] for i in group], slews[group]
             if np.isinf(own).all():
                 continue
-            followed = self.values[:, group]
-            if leaps:
-                start = np.array([c.rest for c in channels]) if start_at_rest else None
-                followed = within_slews(self.times, followed, own, start)
+            if not leaps:
+                for channel in channels:
+                    self._count(channel.name, "slew" if channel.slew is not None else "slew_of_pair", 0)
+                continue
+            start = np.array([c.rest for c in channels]) if start_at_rest else None
+            followed = within_slews(self.times, self.values[:, group], own, start)
             for k, channel in enumerate(channels):
                 if channel.slew is not None:
                     self._replace(group[k], channel.name, "slew", followed[:, k])

@@ -1,14 +1,14 @@
-"""Many poses of a platform pressed into the skin at once, each coming from rest.
+"""Press: contact of a platform with the skin for many commands at once, each starting at rest.
 
-A platform is a rigid disc under the pad, in a frame parallel to the finger's whose face looks along +Z, carried by
-something: rigid legs, or cables and springs that give way. Giving way enters the contact problem as a compliance of
-rank six, w = (C + J P J') f + b, so that platform and skin are in balance together.
+A platform is a rigid disc under the pad, in a frame parallel to the finger's, with its face along +Z. Its carrier has
+rigid legs, or elastic cables and springs. The elasticity enters the contact problem as a compliance of rank six,
+w = (C + J P J') f + b, so that platform and skin are in equilibrium together.
 
-Each row is a path of its own: from rest to the first touch without contact, then in `steps` equal parts into the skin,
-with friction's memory from part to part as in `contact.solver.path_solver`. The rows of a batch go through the
-alternating method side by side: one matrix product for all of them.
+Each row is a path of its own: from rest to first contact, and then in `steps` equal parts into the skin. The friction
+history is kept from part to part, as in `contact.solver.path_solver`. The rows of a batch are solved side by side by
+the alternating method, with one matrix product for all of them.
 
-Source: [S2] III.A (data collection); method as in `contact.solver.admm`
+Source: [S2] III.A (data collection); the alternating method is that of `contact.solver.balance`
 """
 
 from __future__ import annotations
@@ -25,31 +25,30 @@ from .poses import Poses
 from .press_problem import Carrier, PressPoints, PressProblem
 from .press_state import PressState
 
-STEPS = 3
-FINER = 4  # times as many for rows that the law has not settled for
-BATCH = 128
-AT_ONCE = 1024  # rows whose poses without load are looked for together
-DEEP = 3.0  # times as much as where a row presses, how deep it does so counts for which rows are alike
-REACH = 0.3  # of a row's depth: undeformed points farther off are left out, and looked at afterwards
-MOST = 0.8  # of the points: where more come near it is not worth while to leave any out
-PASSED = 1e-6  # [m] of penetration by which a point that was left out is touched
-TOUCH_MARGIN = 0.02  # the path in contact begins this share of the whole before the first touch
+STEPS = 3  # default number of parts of the path in contact
+FINER = 4  # factor of the number of parts for rows in which the law did not converge
+BATCH = 128  # number of rows of a batch
+AT_ONCE = 1024  # number of rows whose poses without load are computed together
+DEEP = 3.0  # weight of the depth relative to the position when similar rows are grouped
+REACH = 0.3  # points whose gap exceeds this share of a row's depth are left out, and checked afterwards
+MOST = 0.8  # if more than this share of the points comes near, none is left out
+PASSED = 1e-6  # penetration above which a point that was left out counts as touched [m]
+TOUCH_MARGIN = 0.02  # the path in contact begins this share of the movement before first contact
 
 
 @dataclass(frozen=True, eq=False)
 class Pressed:
-    """Rows after pressing.
+    """Result of pressing a batch of rows.
 
     Attributes:
-        force: on the skin at the pad nodes [N], shape (n, m, 3), float32.
-        displacement: displacement of the pressed points [m], shape (n, points, 3), float32.
-        poses: poses of the platform, in balance with its carrier.
-        touching: shape (n,).
-        residual: |f - P(f - w / rho)| / |f| of the contact, shape (n,).
-        imbalance: force on the platform left over [N], shape (n,).
-        left: residual of the law where it did not settle, over the forces' own energy; 0 where it did, and on linear
-            skin, shape (n,).
-        amounts: see `Stimulus.given`, of skin that follows a law, float32, shape (n, 3 m); None of linear skin.
+        force: forces on the pad nodes [N], float32, shape (n, m, 3).
+        displacement: displacement of the pressed points [m], float32, shape (n, points, 3).
+        poses: poses of the platform, in equilibrium with its carrier.
+        touching: whether the platform touches the skin, shape (n,).
+        residual: residual |f - P(f - w / rho)| / |f| of the contact, shape (n,).
+        imbalance: unbalanced force on the platform [N], shape (n,).
+        left: residual of the nonlinear law if it did not converge, see `Miss.left`, shape (n,); else 0.
+        amounts: correction of nonlinear skin [m], see `Stimulus.given`, float32, shape (n, 3 m); None for linear skin.
     """
 
     force: Floats32
@@ -81,12 +80,12 @@ class Press:
 
     Args:
         points: points of the skin that are pressed.
-        carrier: carries the platform.
-        friction: Coulomb's coefficient.
-        steps: parts of the path in contact.
+        carrier: mechanism that carries the platform.
+        friction: Coulomb coefficient.
+        steps: number of parts of the path in contact.
 
     Raises:
-        DermisError: a compliance that is not positive definite, or no step.
+        DermisError: the compliance is not positive definite, or there is no step.
     """
 
     def __init__(self, points: PressPoints, carrier: Carrier, friction: float, *, steps: int = STEPS) -> None:
@@ -96,11 +95,11 @@ class Press:
         self.points, self.carrier, self.steps = points, carrier, int(steps)
 
     def press(self, commands: Array, *, via: Array | None = None) -> Pressed:
-        """Press rows from rest, in batches of rows that press alike: so a batch needs few points.
+        """Press rows from rest, in batches of similar rows, which need few points each.
 
         Args:
-            commands: shape (n, motors).
-            via: commands that each row goes to first and then comes back from, shape (n, motors); None for straight.
+            commands: commands at the end of each row's path, shape (n, motors).
+            via: commands through which each row's path leads, shape (n, motors); None for direct paths.
         """
         n, whole = len(commands), self.problem
         force, moved = (np.zeros((n, m, 3), np.float32) for m in (self.points.node_count, whole.count))
@@ -115,7 +114,7 @@ class Press:
         for rows in _alike(np.arange(n), where):
             made.set(rows, self._batch(commands[rows], None if via is None else via[rows], free.take(rows), self.steps))
         again = np.flatnonzero(made.left > 0.0)
-        if len(again):  # a way of more parts may settle
+        if len(again):  # with more parts the law may converge
             turned = None if via is None else via[again]
             finer = self._batch(commands[again], turned, free.take(again), FINER * self.steps)
             better = np.flatnonzero(finer.left < made.left[again])
@@ -123,7 +122,7 @@ class Press:
         return made
 
     def _where(self, free: Poses) -> Array:
-        """Return where rows press, and how deep [m], shape (n, 3), by their poses without load."""
+        """Return position and weighted depth of the press of rows [m], shape (n, 3), by their poses without load."""
         gap = self.problem.gap(free)
         low = np.minimum(gap.min(axis=1), 0.0)
         near = gap + REACH * low[:, None] <= 0.0
@@ -133,10 +132,12 @@ class Press:
     # -- a batch -----------------------------------------------------------------------------------------------------
 
     def _batch(self, commands: Array, via: Array | None, free: Poses, steps: int) -> Pressed:
-        """Press on those points that rows come near; rows in which others would be touched are pressed on all.
+        """Press rows on the points that come near; rows in which others would be touched are pressed on all points.
 
         Args:
-            free: where rows first go, without load. steps: parts of a way.
+            commands, via: as for `press`.
+            free: poses without load at the end of the first part of the path.
+            steps: number of parts of the path in contact.
         """
         n, problem = len(commands), self.problem
         gap = np.full((n, problem.count), np.inf)
@@ -162,7 +163,7 @@ class Press:
     def _pressed(
         self, commands: Array, via: Array | None, free: Poses, problem: PressProblem, near: Indices, steps: int
     ) -> Pressed:
-        """Press rows on some of the points."""
+        """Press rows on some of the points; arguments as for `_batch`, with `near` the indices of the points."""
         n, whole = len(commands), self.problem
         rest = np.broadcast_to(self.carrier.rest, commands.shape)
         start = self.carrier.rest_poses(n)
@@ -176,7 +177,7 @@ class Press:
         path = [touch + (legs[0] - touch) * (k / steps) for k in range(1, steps + 1)]
         if via is not None:
             path += [via + (commands - via) * (k / steps) for k in range(1, steps + 1)]
-        with np.errstate(over="ignore", invalid="ignore"):  # a row may have no balance; the others go on
+        with np.errstate(over="ignore", invalid="ignore"):  # a row may have no equilibrium; the others continue
             for k, command in enumerate(path):
                 state.step(command, last=k == len(path) - 1)
         flat = np.zeros((n, 3 * whole.count), np.float32)
@@ -200,7 +201,7 @@ class Press:
 
 
 def _alike(rows: Indices, where: Array) -> list[Indices]:
-    """Return batches of rows that are near each other: halves of halves across the axis along which they differ most.
+    """Return batches of similar rows, by repeated halving along the coordinate of largest extent.
 
     Args:
         rows: indices of the rows, shape (k,).

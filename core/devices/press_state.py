@@ -1,7 +1,6 @@
-"""A batch of platforms on their way into the skin: poses, forces, and the points of the platform that nodes stick to.
+"""PressState: state of a batch of platforms that are pressed into the skin.
 
-The contact of all rows is iterated side by side by the alternating method of `contact.solver.admm`, in single
-precision.
+The contact of all rows is solved side by side by an alternating method, in single precision.
 """
 
 from __future__ import annotations
@@ -14,18 +13,24 @@ from .poses import Poses, inverted, limited
 from .press_problem import PressPoints, PressProblem
 from .row_laws import RowLaws
 
-TOLERANCE = 2e-4  # of the iteration, relative to the forces of a row: below the last of 12 bits
+TOLERANCE = 2e-4  # change per iteration at which a row has converged, relative to its forces; below one of 12 bits
 MAX_ITERATIONS = 240
-CHECK_EVERY = 4
-LEAVE = 8  # where one in so many of the rows that are left has settled, those that have are taken out
-RELAXATION = 1.8
-LINEARISATIONS = 4
-BALANCE = 2e-3  # [N] that may be left over on a platform that gives way
-LOOKS = 8, 24  # at the law of skin that follows one, on the way and at the last commands
+CHECK_EVERY = 4  # iterations from one test of convergence to the next
+LEAVE = 8  # rows that have converged are removed if they are at least one in this many
+RELAXATION = 1.8  # over-relaxation of the alternating method
+LINEARISATIONS = 4  # largest number of linearisations of the equilibrium at the last commands
+BALANCE = 2e-3  # largest unbalanced force on an elastic platform [N]
+LOOKS = 8, 24  # largest number of evaluations of the nonlinear law: at intermediate and at the last commands
 
 
 class PressState:
-    """A batch between two steps: poses, forces, and the points of the platform that nodes stick to."""
+    """Batch of platforms between two steps: poses, forces and anchors of friction.
+
+    Args:
+        problem: contact problem of skin and platform.
+        points: points of the skin.
+        poses: poses of the platforms before contact.
+    """
 
     def __init__(self, problem: PressProblem, points: PressPoints, poses: Poses) -> None:
         self.problem, self.free, self.poses = problem, poses, poses
@@ -33,7 +38,7 @@ class PressState:
         self.anchor = problem.local(poses)[0][:, :, :2]
         self.deflection = np.zeros((n, 6))
         self.force = np.zeros((n, 3 * m), np.float32)
-        self.shift = np.zeros((n, 3 * m), np.float32)  # y of the method
+        self.shift = np.zeros((n, 3 * m), np.float32)  # dual variable y of the alternating method
         self.image = np.zeros((n, 3 * m), np.float32)
         self.sticking = np.zeros((n, m), bool)
         self.residual, self.left = np.zeros(n), np.zeros(n)
@@ -41,7 +46,7 @@ class PressState:
         self.laws = None if points.law is None else RowLaws(points, problem.own, n)
 
     def step(self, commands: Array, *, last: bool) -> None:
-        """Go to the next commands; at the last the platform's balance is linearised anew until it holds."""
+        """Advance to the next commands; at the last ones, the equilibrium of the platform is iterated."""
         problem = self.problem
         self.free = problem.carrier.carry(commands, self.free)
         self.poses = self.free.moved(self.deflection)
@@ -59,15 +64,15 @@ class PressState:
             offset[:, :, 2] = gap
             offset = (offset @ self.poses.rotation.transpose(0, 2, 1)).transpose(0, 2, 1).reshape(len(gap), -1)
             if given is not None:
-                ahead = np.einsum("nij,nj->ni", given[1], given[0])  # where the carrier would go without contact
+                ahead = np.einsum("nij,nj->ni", given[1], given[0])  # movement of the platform without contact
                 offset -= ahead @ problem.jacobian.T
             rows = np.flatnonzero((gap.min(axis=1) < 0.0) | self.force.any(axis=1))
-            if given is None:  # rows that stay where they are and have settled need no more
+            if given is None:  # on a rigid carrier, rows whose law has converged are done
                 rows = np.intersect1d(rows, unsettled)
             if len(rows):
                 self._solve(rows, offset, self.poses.rotation[:, :, 2], None if given is None else given[1])
             if given is not None and k < LINEARISATIONS and self.laws is not None:
-                self.laws.look_anew()  # the platform gave way: it is another touch
+                self.laws.look_anew()  # the platform has moved, so the contact is another one
             unsettled = self._looked(rows, k == rounds - 2)
             if given is None:
                 if not len(unsettled):
@@ -88,10 +93,11 @@ class PressState:
         self._settle()
 
     def _looked(self, rows: NDArray[np.intp], ends: bool) -> NDArray[np.intp]:
-        """Ask the law about rows; return those that it has not settled for.
+        """Evaluate the nonlinear law for rows; return those in which it has not converged.
 
         Args:
-            ends: contact is solved once more, with the offsets of least residual.
+            rows: indices of the rows.
+            ends: whether this is the last evaluation. Contact is then solved once more with the best corrections.
         """
         if self.laws is None or not len(rows):
             return rows[:0]
@@ -102,18 +108,25 @@ class PressState:
         return left
 
     def _load(self) -> Array:
-        """Force and moment of the skin on the platform, shape (n, 6)."""
+        """Return force [N] and moment [N m] of the skin on the platforms, shape (n, 6)."""
         return -(self.force.astype(np.float64) @ self.problem.jacobian)
 
     def _settle(self) -> None:
-        """Nodes that stick keep their anchor, all others take it along."""
+        """Move the anchors of all nodes that do not stick."""
         local = self.problem.local(self.poses)[0]
         moved = self.image.reshape(len(local), 3, -1).transpose(0, 2, 1) @ self.poses.rotation
         now = local[:, :, :2] + moved[:, :, :2]
         self.anchor = np.where(self.sticking[:, :, None], self.anchor, now)
 
     def _solve(self, rows: NDArray[np.intp], offset: Array, normal: Array, gives: Array | None) -> None:
-        """Iterate a batch's contact; rows leave as they settle."""
+        """Solve the contact of rows by the alternating method.
+
+        Args:
+            rows: indices of the rows, shape (k,).
+            offset: relative displacement without forces [m], shape (n, 3 m).
+            normal: normals of the platforms, shape (n, 3).
+            gives: compliance of the carriers, shape (n, 6, 6); None if they are rigid.
+        """
         problem, m = self.problem, self.problem.count
         rho = np.float32(problem.rho)
         self.sticking[:] = False
@@ -146,7 +159,7 @@ class PressState:
             y = v - new
             z = new
             if check:
-                done = ~(left > TOLERANCE)  # rows that have no balance leave too
+                done = ~(left > TOLERANCE)  # also true for rows that diverged
                 if iteration == MAX_ITERATIONS:
                     done[:] = True
                 if done.all() or done.sum() * LEAVE >= len(done):
@@ -159,7 +172,7 @@ class PressState:
                     if not len(active):
                         break
         self.lost[rows] = lost = ~np.isfinite(residual)
-        if lost.any():  # an offset far off drove them beyond numbers: they begin anew, from no force
+        if lost.any():  # rows that diverged, by a wrong correction, start again without force
             self.force[rows[lost]], self.shift[rows[lost]], self.sticking[rows[lost]] = 0.0, 0.0, False
             residual[lost] = 1.0
         self.residual[rows] = residual
@@ -169,7 +182,7 @@ class PressState:
 
 
 def _projected(v: Floats32, normal: Floats32, friction: float, m: int) -> tuple[Floats32, NDArray[np.bool_]]:
-    """Return Coulomb's projection of a batch (n, 3 m, by component) and which nodes stick, (n, m)."""
+    """Return Coulomb's projection of a batch, shape (n, 3 m), by component, and which nodes stick, shape (n, m)."""
     a, b, c = (normal[:, i : i + 1] for i in range(3))
     vx, vy, vz = v[:, :m], v[:, m : 2 * m], v[:, 2 * m :]
     push = a * vx + b * vy + c * vz

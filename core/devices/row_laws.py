@@ -1,4 +1,4 @@
-"""RowLaws: skin that follows the neo-Hookean law under a batch of rows, each in a state of its own."""
+"""RowLaws: corrections by the neo-Hookean law for a batch of rows, each in its own state."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from .press_problem import PressPoints
 
 
 class RowLaws:
-    """The law of rows, and by how much less than linear skin each gives way.
+    """Nonlinear laws of a batch of rows, and their corrections.
 
     Args:
-        points: points of the skin, which follows a nonlinear law.
-        columns: indices of their components, in the order of the rows.
-        count: number of rows, all at rest.
+        points: points of the skin, which has a nonlinear law.
+        columns: indices of the points' components, in the order of `less`, shape (c,).
+        count: number of rows, n, all at rest.
 
     Attributes:
-        less: at these components [m], shape (n, c).
+        less: correction of each row at these components [m], shape (n, c): displacement of linear skin minus own.
     """
 
     def __init__(self, points: PressPoints, columns: Indices, count: int) -> None:
@@ -30,10 +30,10 @@ class RowLaws:
         self.less = np.zeros((count, len(columns)))
 
     def begin(self) -> None:
-        """Begin the next part of the way: every offset is expected to go on changing as it did.
+        """Begin the next step with extrapolated corrections.
 
-        Where the law's residual was large, the row goes on from linear skin: an offset that is wrong makes forces
-        that are, and those make the next offset worse.
+        A row whose residual was large begins with linear skin, since a wrong correction gives wrong forces, and these a
+        worse correction.
         """
         for row, law in enumerate(self._laws):
             if not law.left <= USABLE:
@@ -42,7 +42,15 @@ class RowLaws:
             self.less[row] = self._at(law, self.columns)
 
     def look(self, rows: Indices, force: Floats32) -> NDArray[np.bool_]:
-        """Ask the law about forces (n, c) [N] of some rows; return which of them are done, settled or not, (n,)."""
+        """Evaluate the law for some rows.
+
+        Args:
+            rows: indices of the rows, shape (k,).
+            force: forces at the components [N], shape (k, c).
+
+        Returns:
+            Whether each row is done, with a converged law or not, shape (k,).
+        """
         done = np.zeros(len(rows), bool)
         for at, (row, nodal) in enumerate(zip(rows.tolist(), self._nodal(force), strict=True)):
             law = self._laws[row]
@@ -51,37 +59,37 @@ class RowLaws:
                 done[at] = law.settled
                 if not law.settled:
                     self.less[row] = self._at(law, self.columns)
-            else:  # this was the contact where least was left
+            else:  # these were the forces for the best correction
                 done[at] = True
         return done
 
     def look_anew(self) -> None:
-        """Forget how near the law was: forces are those of another touch.
+        """Forget the best residuals, because the forces are those of another contact.
 
-        Rows of large residual keep it: they are held back by knowing when a step leads farther off.
+        Rows with a large residual keep it, so that steps that raise it are still undone.
         """
         for law in self._laws:
             if law.left <= USABLE:
                 law.look_anew()
 
     def take_best(self, rows: Indices) -> None:
-        """Go to the offsets that left least in some rows."""
+        """Use the corrections of least residual in some rows."""
         for row in rows.tolist():
             self._laws[row].take_best()
             self.less[row] = self._at(self._laws[row], self.columns)
 
     def left(self, rows: Indices) -> Array:
-        """Return the law's residual of rows that it did not settle for, over the forces' own energy, else 0, (n,)."""
+        """Return the residual of the law for rows in which it did not converge, else 0, shape (k,)."""
         laws = [self._laws[row] for row in rows.tolist()]
         return np.array([0.0 if law.settled else law.left for law in laws])
 
     def less_at(self, columns: Indices) -> Array:
-        """Return the offsets at other components of the points [m], shape (n, d)."""
+        """Return the corrections at other components of the points [m], shape (n, d)."""
         return np.stack([self._at(law, columns) for law in self._laws])
 
     @property
     def amounts(self) -> Floats32:
-        """The amounts that each row keeps, see `Stimulus.given`, shape (n, 3 m)."""
+        """Correction of each row at the pad nodes [m], see `Stimulus.given`, shape (n, 3 m)."""
         return np.stack([law.amounts for law in self._laws]).astype(np.float32)
 
     def _at(self, law: LawSkin, columns: Indices) -> Array:
@@ -89,7 +97,7 @@ class RowLaws:
         return beyond[columns] if nodal is None else beyond @ nodal[:, columns]
 
     def _nodal(self, force: Floats32) -> Array:
-        """Return forces on the pad nodes for forces at the components, shapes (n, c) to (n, 3 m)."""
+        """Return forces on the pad nodes [N], shape (n, 3 m), for forces at the components [N], shape (n, c)."""
         if self.points.nodal is not None:
             return np.asarray(force @ self.points.nodal[:, self.columns].T, np.float64)
         out = np.zeros((len(force), self.points.positions.size))

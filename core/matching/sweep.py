@@ -1,4 +1,4 @@
-"""Configurations of a platform in a look-up table: by their effect on the skin, not by the motors' angles.
+"""Sweep: poses of a platform for a look-up table, spread evenly by their effect on the skin.
 
 Source: [S2] III.A
 """
@@ -15,18 +15,18 @@ from ..errors import DermisError
 from .nearest import NEIGHBOURS
 from .platforms import ends_of, mechanism, original_channels
 
-MOST_ROWS = 10_000_000  # of a table: at 1,700 a second they are pressed in two hours, and take 2 GB
-UNREACHED = 0.25  # of the poses: a table that lacks more has a part of the touch missing
+MOST_ROWS = 10_000_000  # largest number of rows of a table: two hours at 1,700 rows a second, and 2 GB
+UNREACHED = 0.25  # largest share of poses out of reach; with more, a part of the touches is missing in the table
 
 
 def sweep(spec: DeviceSpec, points: Array, rows: int | None = None) -> tuple[Array, int]:
-    """Return the commands of a data collection, shape (n, motors), and how many poses are out of the motors' reach.
+    """Return the commands of a data collection, shape (n, motors), and the number of poses out of reach.
 
     Args:
-        points, rows: as of `commands_swept`.
+        spec, points, rows: as for `commands_swept`.
 
     Raises:
-        DermisError: fewer rows than neighbours, or too many poses that the motors cannot reach.
+        DermisError: there are fewer rows than neighbours, or too many poses are out of the motors' reach.
     """
     commands = commands_swept(spec, points, rows)
     within = reached(spec, commands)
@@ -44,24 +44,25 @@ def sweep(spec: DeviceSpec, points: Array, rows: int | None = None) -> tuple[Arr
 
 
 def reached(spec: DeviceSpec, commands: Array) -> NDArray[np.bool_]:
-    """Return which commands are within the motors' range, shape (n,)."""
+    """Return whether commands, shape (n, motors), are within the motors' ranges, shape (n,)."""
     ends = np.array([ends_of(c) for c in original_channels(spec)])
     return np.asarray(((commands >= ends[:, 0]) & (commands <= ends[:, 1])).all(axis=1))
 
 
 def commands_swept(spec: DeviceSpec, points: Array, rows: int | None = None) -> Array:
-    """Return the commands of all poses of a data collection, within the motors' reach or not, shape (n, motors).
+    """Return the commands of all poses of a data collection, also those out of reach, shape (n, motors).
 
-    Three motors: a grid of equal steps over depth and two tilts, the corrected paper's 55^3. Six motors: an evenly
-    spread sequence (Halton) over depth, tilts, shifts and yaw. Depth is the platform's, beyond the first touch of the
-    undeformed skin.
+    Three motors have a regular grid over depth and two tilts (55^3 poses in the corrected paper). Six motors have an
+    evenly spread Halton sequence over depth, tilts, shifts and yaw. The depth is that of the platform beyond first
+    contact with the undeformed skin.
 
     Args:
+        spec: preset of the platform.
         points: points of the undeformed skin that are pressed [m], shape (m, 3).
-        rows: about how many; as the preset says where None. A grid takes the next smaller cube.
+        rows: approximate number of poses; None for that of the preset. A grid has the next smaller cube.
 
     Raises:
-        DermisError: fewer rows than neighbours, or more than can be pressed.
+        DermisError: there are fewer rows than neighbours, or more than `MOST_ROWS`.
     """
     p = spec.parameters
     refuse_many(rows or 0)
@@ -78,27 +79,28 @@ def commands_swept(spec: DeviceSpec, points: Array, rows: int | None = None) -> 
 
 
 def refuse_many(rows: int) -> None:
-    """Refuse more rows than can be pressed.
+    """Raise an error for more rows than `MOST_ROWS`.
 
     Raises:
-        DermisError: there are more.
+        DermisError: there are more rows.
     """
     if rows > MOST_ROWS:
         raise DermisError("too many rows for a table", where="look-up table", value=rows, limit=f"<= {MOST_ROWS:,}")
 
 
 def freedoms(spec: DeviceSpec) -> int:
-    """Return in how many ways the poses of a sweep differ: as many as the device has motors of its own."""
+    """Return the number of freedoms of the poses in a sweep, which is the number of original motors."""
     return len(mechanism(spec).rest)
 
 
 def commands_at(spec: DeviceSpec, points: Array, share: Array) -> Array:
-    """Return the commands of poses within a preset's sweep, within the motors' reach or not, shape (n, motors).
+    """Return the commands of poses within a preset's sweep, also those out of reach, shape (n, motors).
 
     Args:
+        spec: preset of the platform.
         points: points of the undeformed skin that are pressed [m], shape (m, 3).
-        share: position between the least and the greatest depth, pitch and roll, 0 to 1, shape (n, freedoms); for six
-            motors also between those of both shifts and yaw.
+        share: positions from 0 to 1 between the least and the greatest depth, pitch and roll, and for six motors also
+            both shifts and yaw, shape (n, freedoms).
     """
     p = spec.parameters
     low, high = (float(v) for v in p["sweep_press"])
@@ -119,13 +121,13 @@ def commands_at(spec: DeviceSpec, points: Array, share: Array) -> Array:
 
 
 def platform_poses(points: Array, depth: Array, pitch: Array, roll: Array, shift: Array, yaw: Array) -> Poses:
-    """Return platform poses from their effect on the skin.
+    """Return poses of a platform from depth, tilt, shift and yaw.
 
     Args:
-        points: undeformed pad nodes [m], shape (m, 3).
-        depth: beyond the first touch, along the platform's normal [m], shape (n,).
-        pitch, roll, yaw: angles about X, then the turned Y, then the turned Z [rad].
-        shift: x and y of the centre [m].
+        points: points of the undeformed skin [m], shape (m, 3).
+        depth: depth beyond first contact along the platform's normal [m], shape (n,).
+        pitch, roll, yaw: angles about X, then the turned Y, then the turned Z [rad], shape (n,) each.
+        shift: x and y of the centre [m], shape (n, 2).
     """
     zero = np.zeros_like(pitch)
     turn = rotation(np.column_stack([pitch, zero, zero])) @ rotation(np.column_stack([zero, roll, zero]))
@@ -137,7 +139,7 @@ def platform_poses(points: Array, depth: Array, pitch: Array, roll: Array, shift
 
 
 def halton(count: int, dimensions: int) -> Array:
-    """Return the Halton sequence in the first primes, without its first point, shape (count, dimensions)."""
+    """Return the Halton sequence for the first primes, without the origin, shape (count, dimensions)."""
     primes = (2, 3, 5, 7, 11, 13)[:dimensions]
     out = np.zeros((count, dimensions))
     for j, prime in enumerate(primes):

@@ -1,6 +1,7 @@
-"""SkinTable: effect of a device on the skin, configuration by configuration: commands and sensed readings.
+"""SkinTable: look-up table of a device's commands and the readings of a sensor in the skin.
 
-Source: [S2] III.A; corrections: one rest row for all configurations in which nothing touches, rows come from rest
+Source: [S2] III.A, with corrections: one rest row replaces all configurations without contact, and each row starts at
+rest
 """
 
 from __future__ import annotations
@@ -32,26 +33,28 @@ from .readings import Counts, Readings, quantised, saturated
 from .sweep import sweep
 
 FORMAT = "dermis-skin-table 1"
-UNBALANCED = 0.02  # [N] a platform whose forces are farther from balance is left out of the table
-NOISE_FLOOR = 1.7  # of the noise's expected norm: untouched skin stays below but for 1 in 10,000 (20 channels)
-UNSETTLED = 5e-3  # contact forces farther from Coulomb's law than this share are left out
+UNBALANCED = 0.02  # largest unbalanced force on a platform; other rows are left out [N]
+# Noise floor, relative to the expected norm of the noise. With 20 channels, 1 in 10,000 readings of untouched skin
+# exceeds it.
+NOISE_FLOOR = 1.7
+UNSETTLED = 5e-3  # largest residual of Coulomb's law; other rows are left out
 
 
 @dataclass(frozen=True, eq=False)
 class SkinTable:
-    """A look-up table.
+    """Look-up table of commands and readings.
 
     Attributes:
         commands: commands of each row, in SI, shape (n, motors).
-        readings: readings of the sensor, in its unit, shape (n, channels).
-        rest: the row in which nothing touches.
-        scale: range of each motor, by which commands are compared, shape (motors,).
-        noise_floor: readings nearer to those of rest than this cannot be told from rest: such rows count as the
-            rest row, and such queries hit it. 0 for a sensor without noise.
-        meta: where it comes from: device, skin, counts of rows left out.
+        readings: readings of the sensor in its unit, shape (n, channels).
+        rest: index of the row without contact.
+        scale: range of each motor, by which commands are divided for distances, shape (motors,).
+        noise_floor: distance from the readings of rest up to which readings count as rest. Rows and queries within it
+            are replaced by the rest row. 0 for a sensor without noise.
+        meta: origin of the table: device, skin, and numbers of rows that were left out.
 
     Raises:
-        DermisError: fewer rows than neighbours, shapes that do not fit, or a scale that is not above zero.
+        DermisError: there are fewer rows than neighbours, shapes do not fit, or a scale is not above zero.
     """
 
     commands: Array
@@ -86,15 +89,15 @@ class SkinTable:
 
     @cached_property
     def by_reading(self) -> NearestPoints:
-        """The rows prepared for searches by reading; those that cannot be told from rest are left out."""
+        """Search structure by readings, without rows that count as rest."""
         return NearestPoints(self.readings[self.heard])
 
     @cached_property
     def heard(self) -> NDArray[np.intp]:
-        """The rest row and the rows that can be told from it, rising.
+        """Indices of the rest row and of the rows that do not count as rest, rising.
 
         Raises:
-            DermisError: fewer than the neighbours that are asked for.
+            DermisError: there are fewer than `NEIGHBOURS`.
         """
         told = self.from_rest(self.readings) > self.noise_floor
         told[self.rest] = True
@@ -111,7 +114,7 @@ class SkinTable:
 
     @cached_property
     def heard_commands(self) -> Array:
-        """Commands of the rows that `by_reading` finds, by its index, SI."""
+        """Commands of the rows in `by_reading`, in its order, in SI units."""
         return self.commands[self.heard]
 
     @cached_property
@@ -120,21 +123,21 @@ class SkinTable:
         return np.asarray(self.readings, np.float64)
 
     def from_rest(self, readings: NDArray[Any]) -> Array:
-        """Return how far readings are from those of rest, shape (n,)."""
+        """Return the distance of readings from those of rest, shape (n,)."""
         off = np.asarray(readings, np.float64) - self.exact_readings[self.rest]
         return np.sqrt(np.einsum("ij,ij->i", off, off))
 
     def heard_with(self, noise: float) -> SkinTable:
-        """Return the same table for a sensor with noise of a standard deviation in every channel."""
+        """Return the same table for a sensor with a standard deviation `noise` in each channel."""
         return replace(self, noise_floor=noise_floor(noise, self.readings.shape[1]))
 
     @cached_property
     def by_command(self) -> NearestPoints:
-        """The rows prepared for searches by command, each motor over its range."""
+        """Search structure by commands divided by the motors' ranges."""
         return NearestPoints(self.commands / self.scale)
 
     def save(self, path: Path) -> None:
-        """Write the table, whole or not at all: commands in single precision, readings in 16 bits."""
+        """Write the table, with commands in single precision; after an error an existing file is unchanged."""
         header = np.frombuffer(json.dumps({"format": FORMAT, **self.meta}, sort_keys=True).encode(), np.uint8)
         write_npz(
             Path(path),
@@ -152,7 +155,7 @@ class SkinTable:
         """Read a table.
 
         Raises:
-            DermisError: it cannot be read, or is none.
+            DermisError: the file cannot be read or is not a look-up table.
         """
         where = str(path)
         if Path(path).suffix.lower() == ".csv":
@@ -184,7 +187,12 @@ class SkinTable:
 
 
 def noise_floor(noise: float, channels: int) -> float:
-    """Return how far from rest an untouched sensor may read, for noise of a standard deviation in every channel."""
+    """Return the distance from rest up to which readings count as rest.
+
+    Args:
+        noise: standard deviation of the noise in each channel.
+        channels: number of channels.
+    """
     return NOISE_FLOOR * noise * float(np.sqrt(channels))
 
 
@@ -194,15 +202,20 @@ def press_of(skin: SkinModel, spec: DeviceSpec) -> Press:
 
 
 def sound(pressed: Pressed) -> NDArray[np.bool_]:
-    """Return which rows are in balance, obey Coulomb's law, and are near to the law of the tissue, shape (n,)."""
+    """Return whether rows are in equilibrium and have small residuals of contact and of the tissue's law, (n,)."""
     good: NDArray[np.bool_] = (pressed.imbalance <= UNBALANCED) & (pressed.residual <= UNSETTLED)
     return good & (pressed.left <= USABLE)
 
 
 def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Array, Counts, dict[str, int]]:
-    """Return commands and readings of the rows that touch and are in balance, and how many were left out and why.
+    """Return commands and readings of the valid rows with contact, and numbers of other rows by reason.
 
-    Rows that the law of the tissue did not quite settle for are kept where they are nearer to it than linear skin.
+    A row in which the tissue's law did not converge is kept if its residual is below `USABLE`.
+
+    Args:
+        readings: the virtual sensor.
+        commands: commands of all rows, shape (n, motors).
+        pressed: result of pressing them.
     """
     good = sound(pressed)
     keep = good & pressed.touching
@@ -218,7 +231,7 @@ def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Arr
 
 
 def build(spec: DeviceSpec, skin: SkinModel, readings: Readings, rows: int) -> SkinTable:
-    """Sweep a small table in this process; `design.collect` is for large ones."""
+    """Compute a small table in this process; for large ones see `design.collect`."""
     press = press_of(skin, spec)
     commands, unreached = sweep(spec, press.points.positions, rows)
     kept, counts, left = tabulate(readings, commands, press.press(commands))
@@ -229,7 +242,7 @@ def build(spec: DeviceSpec, skin: SkinModel, readings: Readings, rows: int) -> S
 def assemble(
     spec: DeviceSpec, skin: SkinModel, sensor: Readings, commands: Array, counts: Counts, meta: Mapping[str, Any]
 ) -> SkinTable:
-    """Put the rest row before the rows that touch, and say whose table it is."""
+    """Return the table of the rows with contact, with a rest row before them and the origin of the table."""
     rest_command = mechanism(spec).rest
     readings = np.vstack([quantised(sensor.rest[None]), counts])
     about = {
@@ -245,10 +258,18 @@ def assemble(
 
 
 def belongs(table: SkinTable, spec: DeviceSpec, skin: SkinModel | None = None, where: str = "") -> tuple[Finding, ...]:
-    """Refuse a table of another device; find fault with one of another skin. Recorded tables do not say whose they are.
+    """Check that a table belongs to a device; a table of another skin gives a finding.
+
+    Recorded tables do not contain their device and skin.
+
+    Args:
+        table: the table.
+        spec: preset of the device.
+        skin: model of the finger's skin; None does not check the skin.
+        where: name of the table, for errors.
 
     Raises:
-        DermisError: another number of motors, or a mechanism of other dimensions.
+        DermisError: the table has another number of motors, or is of a mechanism with other dimensions.
     """
     where, motors = where or "look-up table", len(mechanism(spec).rest)
     if table.commands.shape[1] != motors:

@@ -1,8 +1,8 @@
-"""Voice coil: contact transients and textures as a vibration along one axis, and the voltage that makes it.
+"""Voice coil: contact transients and textures as a vibration along one axis, with its voltage.
 
-An impact counts by its whole speed, a texture by its height under the pad, wherever they point: people hardly tell the
-direction of a vibration. The displacements of all bodies are added as fractions of the range A and limited to it; the
-voltage follows from the measured response of the actuator.
+An impact counts by its speed and a texture by its height under the pad, whatever their directions, because people
+hardly perceive the direction of a vibration. The displacements of all bodies are added as fractions of the range A and
+limited to it. The voltage follows from the measured response of the actuator.
 
 Source: [S3] eq. 1, 2 and 6 along one axis; direction and vibration: Landin et al., *Dimensional reduction of
 high-frequency accelerations for haptic rendering*, EuroHaptics 2010 (inspired by, not read)
@@ -20,16 +20,16 @@ from ..track.command_track import CommandTrack
 from .effect_sum import EffectSum
 from .rendered import Rendered
 
-SLACK = 1e-9  # a part of up to this above 1 is rounding, not a displacement that had to be limited
+SLACK = 1e-9  # a value that exceeds 1 by no more than this counts as rounding and not as limited
 
 
 def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: DeviceUse, spec: DeviceSpec) -> Rendered:
     """Render one finger's voice coil.
 
-    Signals: 'contact' (0 or 1), 'magnitude' (asked for, as a fraction of the range).
+    Signals: 'contact' (0 or 1), 'magnitude' (displacement before the limit, as a fraction of the range).
 
     Raises:
-        DermisError: an unknown effect setting, or a preset without a parameter that the actuator needs.
+        DermisError: a setting of an effect is unknown, or the preset lacks a parameter of the actuator.
     """
     coil = VoiceCoil.of(spec)
     times = pad_contact.device_times(scene, spec.rate)

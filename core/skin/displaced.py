@@ -1,4 +1,4 @@
-"""Stress of displaced neo-Hookean tissue at E = 1, its pressure told apart: what skin that stiffens shows."""
+"""Stress of displaced neo-Hookean tissue for E = 1, with a separate pressure."""
 
 from __future__ import annotations
 
@@ -11,24 +11,25 @@ from .material import lame
 from .stress import StressOperator
 
 _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-_FLATTEST = 0.05  # of an element's volume: what a displacement that is too large would press flatter is cut off there
+_FLATTEST = 0.05  # least relative volume of an element; smaller ones by a too large displacement are limited
 
 
 def displaced_stress(operator: StressOperator, displacement: Array, pressure: Array) -> Array:
     """Return the Cauchy stress mu (b - 1) / J + p of the elements, shape (e, 6).
 
-    Nearly incompressible tissue has its pressure from a series of its own: the volume that a displacement leaves, times
-    a large modulus, would tell what the displacement lacks.
-
-    In single precision, which is 1e-7 off: of b - 1 = H + H' + H H' no large numbers cancel.
+    The pressure of nearly incompressible tissue is given separately. Computed from the volume and a large modulus, it
+    would magnify errors of the displacement. The result is in single precision with a relative error of 1e-7, because
+    no large numbers cancel in b - 1 = H + H' + H H'.
 
     Args:
-        displacement: of the nodes [m], shape (n, 3). pressure: at the nodes over E, shape (n,).
+        operator: operator of the mesh.
+        displacement: displacement of the nodes [m], shape (n, 3).
+        pressure: pressure at the nodes, divided by E, shape (n,).
     """
     shear = np.float32(lame(1.0, operator.material.poisson)[1])
     corners, slopes = _tables(operator)
     nodal = np.ascontiguousarray(displacement.T, np.float32)
-    at = nodal.take(corners, axis=1, mode="clip")  # axis, corner, element: products are of long rows
+    at = nodal.take(corners, axis=1, mode="clip")  # axes: component, corner, element, so that rows are long
     h, part = np.empty((3, 3, at.shape[2]), np.float32), np.empty((3, at.shape[2]), np.float32)
     for i in range(3):
         edges = at[i, 1:] - at[i, 0]
@@ -48,7 +49,7 @@ def displaced_stress(operator: StressOperator, displacement: Array, pressure: Ar
 
 
 def _volume(h: Floats32) -> Floats32:
-    """Return J of gradients of displacement, shapes (3, 3, e) to (e,)."""
+    """Return the determinants J of 1 + H, shape (e,), for displacement gradients H, shape (3, 3, e)."""
     (a, b, c), (d, g, k), (m, n, p) = h
     a, g, p = a + 1.0, g + 1.0, p + 1.0
     return np.asarray(a * (g * p - k * n) - b * (d * p - k * m) + c * (d * n - g * m))
@@ -56,12 +57,12 @@ def _volume(h: Floats32) -> Floats32:
 
 @lru_cache(maxsize=4)
 def _tables(operator: StressOperator) -> tuple[Indices, Floats32]:
-    """Return the corners of the elements, shape (4, e), and the slopes of all but the first, shape (3, 3, e)."""
+    """Return the corners of the elements, shape (4, e), and the gradients of all but the first, shape (3, 3, e)."""
     corners = np.ascontiguousarray(operator.mesh.tetrahedra.T, np.intp)
     return corners, np.ascontiguousarray(operator.geometry.gradients[:, 1:].transpose(1, 2, 0), np.float32)
 
 
 def linear_pressure(operator: StressOperator, displacement: Array) -> Array:
-    """Return the pressure of linear tissue at the nodes over E, shape (n,)."""
+    """Return the pressure of linear tissue at the nodes, divided by E, shape (n,)."""
     first = lame(1.0, operator.material.poisson)[0]
     return np.asarray(first * (operator.geometry.divergence @ displacement.reshape(-1)))

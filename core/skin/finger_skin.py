@@ -1,4 +1,4 @@
-"""A finger's skin of the tissue that it wants: linear, or one that follows the neo-Hookean law."""
+"""Skin of a finger with linear or neo-Hookean tissue, from its parameters."""
 
 from __future__ import annotations
 
@@ -19,14 +19,17 @@ def finger_skin(
     cache: Cache | None = None,
     where: str = "finger",
 ) -> SkinModel:
-    """Return the skin that a finger of a scene has.
+    """Return the skin of a finger of a scene.
 
     Args:
-        parameters: of the finger: 'skin', 'skin_level', 'tissue'. preset: its skin where it has none, in SI.
-        level: in place of the finger's own. cache: of skins and tables. where: for errors.
+        parameters: parameters of the finger: 'skin', 'skin_level', 'tissue'.
+        preset: parameters of the skin in SI units, if the finger has none of its own.
+        level: resolution of the mesh; '' for that of the finger.
+        cache: cache of skins and tables.
+        where: name of the finger, for errors.
 
     Raises:
-        DermisError: an unknown level, tissue or parameter of the skin, or a skin that cannot be made.
+        DermisError: the level, the tissue or a parameter of the skin is unknown, or the skin cannot be computed.
     """
     level = level or str(SKIN_CONTACT["skin_level"].of(parameters, where))
     tissue = str(SKIN_CONTACT["tissue"].of(parameters, where))
@@ -35,15 +38,15 @@ def finger_skin(
 
 
 def of_tissue(skin: SkinModel, tissue: str) -> SkinModel:
-    """Return the same skin of a tissue: 'linear', or 'neo_hookean', which follows the law."""
+    """Return the same skin with a tissue, 'linear' or 'neo_hookean'."""
     return skin.linear if tissue == LINEAR else skin.with_law()
 
 
 def asked_for(skin: SkinModel, tissue: str, where: str) -> SkinModel:
-    """Return the same skin of the tissue that somebody asked for by name.
+    """Return the same skin with a tissue, after a check of its name.
 
     Raises:
-        DermisError: an unknown tissue.
+        DermisError: the tissue is unknown.
     """
     SKIN_CONTACT["tissue"].check(tissue, where)
     return of_tissue(skin, tissue)

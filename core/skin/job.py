@@ -1,4 +1,4 @@
-"""Making a skin, or its smooth pad, in a child process: nothing comes back but the files it leaves in the cache."""
+"""Jobs of a child process: compute a skin or its smooth pad, and store it in the cache."""
 
 from __future__ import annotations
 
@@ -24,20 +24,24 @@ STAGES = 2
 def make(
     arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
 ) -> dict[str, NDArray[Any]]:
-    """Put a skin and its table of responses into a cache; return its number of tetrahedra and of pad nodes.
+    """Compute a skin and its table of responses, and store them in a cache.
 
     Args:
         arrays: not used.
-        parameters: 'skin' (as in a skin preset, SI), 'level', 'folder' and 'limit' [bytes] of the cache.
+        parameters: 'skin' (as in a skin preset, in SI units), 'level', 'folder' and 'limit' [bytes] of the cache.
+        report: called with the number of finished stages and the number of all stages.
+
+    Returns:
+        'tetrahedra' and 'pad': numbers of tetrahedra and of pad nodes.
 
     Raises:
-        DermisError: a skin that cannot be made, or a folder that cannot be written.
+        DermisError: the skin cannot be computed, or the folder cannot be written.
     """
     report(0, STAGES)
     cache = Cache(Path(str(parameters["folder"])), int(parameters["limit"]))
     model = skin_from_parameters(parameters["skin"], level=str(parameters["level"]), cache=cache)
     report(1, STAGES)
-    assert model.unit_response.size  # computed, and with that stored
+    assert model.unit_response.size  # computes and stores it
     report(STAGES, STAGES)
     return {"tetrahedra": np.array(len(model.mesh.tetrahedra)), "pad": np.array(model.pad_count)}
 
@@ -45,14 +49,17 @@ def make(
 def make_files(
     arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
 ) -> dict[str, NDArray[Any]]:
-    """Return what `make` puts into a cache, where nobody else sees the folder: each file's bytes by its key.
+    """Compute a skin as `make` does, and return the bytes of each cache file by its key.
+
+    This is for machines without a common folder.
 
     Args:
         arrays: not used.
-        parameters: 'skin' (as in a skin preset, SI) and 'level'.
+        parameters: 'skin' (as in a skin preset, in SI units) and 'level'.
+        report: as for `make`.
 
     Raises:
-        DermisError: a skin that cannot be made.
+        DermisError: the skin cannot be computed.
     """
     with tempfile.TemporaryDirectory(prefix="dermis-skin-", ignore_cleanup_errors=True) as folder:
         make(arrays, {**parameters, "folder": folder, "limit": 1 << 40}, report)
@@ -63,14 +70,19 @@ def make_files(
 def make_surface(
     arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
 ) -> dict[str, NDArray[Any]]:
-    """Put the remainder of a fingertip's smooth pad into a cache; return how many functions it has.
+    """Compute the remainder of a fingertip's smooth pad, and store it in a cache.
 
     Args:
         arrays: not used.
-        parameters: 'skin' (as in a skin preset, SI), 'folder' and 'limit' [bytes] of the cache, perhaps 'level'.
+        parameters: 'skin' (as in a skin preset, in SI units), 'folder' and 'limit' [bytes] of the cache, and optionally
+            'level' of the mesh.
+        report: as for `make`.
+
+    Returns:
+        'rank': number of functions of the remainder.
 
     Raises:
-        DermisError: a mesh of one's own, which has no smooth pad, or a folder that cannot be written.
+        DermisError: the skin is a mesh of the user's own, which has no smooth pad, or the folder cannot be written.
     """
     cache = Cache(Path(str(parameters["folder"])), int(parameters["limit"]))
     shape, material = shape_and_material(parameters["skin"])

@@ -1,8 +1,8 @@
-"""Observation: what is compared of two touches, in few numbers: stress, what electrodes read, or total force.
+"""Observation: quantities by which two touches are compared: stress, electrodes or total force.
 
-On linear skin an observation is a matrix on the contact forces. On skin that follows the neo-Hookean law the matrix
-tells what linear skin would feel of the same forces, and the rest comes from the law. Of stress that rest is its
-projection onto the stress fields that forces on the pad make in linear skin, so one matrix serves both tissues.
+On linear skin, an observation is a matrix applied to the contact forces. On neo-Hookean skin, the matrix gives the
+values of linear skin for the same forces, and the law gives the difference. For stress, the field is projected onto the
+stress fields of forces on linear skin, so that one matrix serves both tissues.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from .stress import StressOperator
 if TYPE_CHECKING:
     from .model import SkinModel
 
-# Of the largest eigenvalue of the stress that unit forces make: below it single precision leaves rounding alone.
+# Eigenvalues of the stress of unit forces below this share of the largest are rounding of single precision.
 ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """What is observed of a touch.
+    """Linear observation of a touch by c channels.
 
     Attributes:
         matrix: channels for forces on the pad nodes of linear skin, shape (c, 3 m).
-        pad: channels for displacement of the pad nodes [1/m], shape (c, 3 m), where displacement is observed; else
+        pad: channels for the displacement of the pad nodes [1/m], shape (c, 3 m), if displacement is observed; else
             None.
         stress: whether the channels are components of stress.
     """
@@ -43,15 +43,16 @@ class Observation:
 
     @classmethod
     def of(cls, given: Array | Observation) -> Observation:
-        """Return an observation; a matrix alone has components of stress."""
+        """Return an observation; a matrix becomes one of stress components."""
         return given if isinstance(given, Observation) else cls(np.asarray(given, np.float64))
 
 
 class Observer:
-    """An observation on one skin.
+    """Observation on one skin.
 
     Args:
-        skin: the model. observation: what is observed; a matrix alone has components of stress.
+        skin: model of the skin.
+        observation: the observation, or a matrix of stress components.
     """
 
     def __init__(self, skin: SkinModel, observation: Array | Observation) -> None:
@@ -75,21 +76,22 @@ class Observer:
         return np.asarray(out)
 
     def seen(self, force: Array, amounts: Array | None = None) -> Array:
-        """Return the channels for forces on the pad nodes [N], shape (m, 3) or (3 m,) to (c,).
+        """Return the channels for contact forces, shape (c,).
 
         Args:
-            amounts: see `Stimulus.given`; found from the forces where None.
+            force: forces on the pad nodes [N], shape (m, 3) or (3 m,).
+            amounts: see `Stimulus.given`; None computes it from the forces.
         """
         return self.see(touch_of(self.skin, force, amounts))
 
 
 def skin_key(skin: SkinModel) -> str:
-    """Return what a skin's touch depends on besides E and alpha: of linear skin its own key."""
+    """Return the key of a skin with its tissue model; E and alpha do not count."""
     return cache_key(skin.key, "law") if skin.follows_law else skin.key
 
 
 def touch_of(skin: SkinModel, force: Array, amounts: Array | None = None) -> Stimulus:
-    """Return what forces on the pad nodes [N], shape (m, 3) or (3 m,), do to a skin; `amounts` as `Stimulus.given`."""
+    """Return the stimulus of forces on the pad nodes [N], shape (m, 3) or (3 m,); `amounts` as `Stimulus.given`."""
     return Stimulus(skin, np.asarray(force, np.float64).reshape(-1, 3), None, amounts)
 
 
@@ -99,11 +101,11 @@ def stress_vector(felt: Stimulus) -> Array:
 
 
 def stress_error(target: Stimulus, made: Stimulus) -> float:
-    """Return how far the whole stress of one touch is off that of another, relative to it; 0 where that is none."""
+    """Return the relative error of the whole stress of `made` against `target`; 0 if the target has none."""
     if target.skin.follows_law or made.skin.follows_law:
         wanted = stress_vector(target)
         off = stress_vector(made) - wanted
-    else:  # the same norm, from fewer numbers
+    else:  # the same norm from fewer components
         root = target.skin.unit_stress
         wanted = root @ np.asarray(target.force, np.float64).ravel()
         off = root @ np.asarray(made.force, np.float64).ravel() - wanted
@@ -112,9 +114,10 @@ def stress_error(target: Stimulus, made: Stimulus) -> float:
 
 
 def _stress_reader(skin: SkinModel, matrix: Array) -> Floats32:
-    """Return D with D s = W f where s is the stress [Pa] that f makes in linear skin, least squares else, (c, 6 e).
+    """Return the matrix D from stress to channels, shape (c, 6 e).
 
-    With S the map from forces to weighted stress, D = W (S'S)^-1 S' on weighted stress.
+    If s is the stress [Pa] of forces f on linear skin, D s = W f. For other stress fields it is the least-squares
+    projection: with the map S from forces to weighted stress, D = W (S'S)^-1 S' on weighted stress.
     """
     return _readers.make((skin.key, matrix.tobytes()), lambda: _made_reader(skin, matrix))
 

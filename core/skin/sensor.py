@@ -1,10 +1,10 @@
-"""A virtual sensor with electrodes in the pulp, after the BioTac: 19 channels that read how far skin is pressed in.
+"""Virtual sensor with electrodes in the pulp, after the BioTac: 19 channels of the tissue's compression.
 
-The real sensor's electrodes sit on its core and read the impedance of the fluid between core and skin, which grows as
-the skin comes nearer. The virtual ones read the same cause: the share by which the tissue over each electrode gets
-thinner, a weighted mean over the skin around it. Readings are linear in the skin's displacement, and so in the contact
-forces where skin is linear. Places of the electrodes are this product's own: symmetric, over the same part of the
-finger. Whatever is computed with them is simulated and must be called virtual.
+The electrodes of the real sensor are on its core. They measure the impedance of the fluid between core and skin, which
+rises if the skin comes nearer. The virtual electrodes read the relative decrease of the tissue's thickness above each
+of them, as a weighted mean over the skin nearby. Readings are linear in the skin's displacement, and on linear skin
+also in the contact forces. The positions of the electrodes are this project's own: they are symmetric and cover the
+same part of the finger. All results with them are simulated and must be called virtual.
 
 Source: [S0] 6 (a BioTac with 19 electrodes as a measurable descriptor of the stimulus)
 """
@@ -23,26 +23,26 @@ from ..number_rows import read_rows
 from .model import SkinModel
 from .observation import Observation
 
-# Places of the electrodes seen from the pad, as fractions of half the finger's width (x) and of the distance from the
-# pad's centre to the tip (y): seven along the middle, six to either side.
+# Positions of the electrodes in the pad's plane, as fractions of half the finger's width (x) and of the distance from
+# the pad's centre to the tip (y): seven along the middle, and six on each side.
 _MIDDLE = [(0.0, y) for y in (-0.95, -0.6, -0.3, 0.0, 0.3, 0.55, 0.75)]
 _SIDES = [(s * x, y) for s in (1.0, -1.0) for x, y in
           ((0.35, -0.75), (0.6, -0.4), (0.35, -0.1), (0.6, 0.15), (0.35, 0.4), (0.45, 0.65))]  # fmt: skip
 LAYOUT = np.array([*_MIDDLE, *_SIDES])
-MIN_SAMPLES = 16  # to tell noise from touch
-RARE = 4.0  # standard deviations of a normal distribution: 1 in 30,000
-SPREAD = 2.0e-3  # [m] radius of the skin that an electrode sees (standard deviation of its weights)
+MIN_SAMPLES = 16  # least number of samples for an estimate of the noise
+RARE = 4.0  # number of standard deviations of a normal distribution that 1 in 30,000 values exceeds
+SPREAD = 2.0e-3  # standard deviation of the weights of an electrode on the skin [m]
 
 
 @dataclass(frozen=True, eq=False)
 class ElectrodeSensor:
-    """A virtual electrode sensor in one skin.
+    """Virtual electrode sensor in one skin.
 
     Attributes:
-        places: of the skin over each electrode [m], shape (c, 3).
-        thickness: of the tissue there [m], shape (c,).
-        weights: how much of each pad node it sees, rows sum to 1, shape (c, m).
-        observation: readings [1], of forces on the pad nodes or of their displacement.
+        places: points of the skin above the electrodes [m], shape (c, 3).
+        thickness: thickness of the tissue at these points [m], shape (c,).
+        weights: weights of the pad nodes for each electrode, with a sum of 1, shape (c, m).
+        observation: readings [1] for forces on the pad nodes, and for their displacement.
     """
 
     places: Array
@@ -57,14 +57,15 @@ class ElectrodeSensor:
 
 
 def electrode_sensor(skin: SkinModel, layout: Array = LAYOUT, spread: float = SPREAD) -> ElectrodeSensor:
-    """Return the sensor of a skin; electrodes keep their places relative to its size.
+    """Return the virtual sensor of a skin; positions of electrodes are relative to the size of the finger.
 
     Args:
-        layout: places as fractions of half width and of the distance to the tip, shape (c, 2).
-        spread: [m].
+        skin: model of the skin.
+        layout: positions as fractions of half the width and of the distance to the tip, shape (c, 2).
+        spread: standard deviation of the weights [m].
 
     Raises:
-        DermisError: a spread that is not above zero, or a layout that is none.
+        DermisError: the spread is not above zero, or the layout is not valid.
     """
     layout = np.asarray(layout, np.float64)
     if layout.ndim != 2 or layout.shape[1:] != (2,) or not np.isfinite(layout).all() or not spread > 0:
@@ -81,7 +82,7 @@ def electrode_sensor(skin: SkinModel, layout: Array = LAYOUT, spread: float = SP
     distance = ((positions[None] - places[:, None]) ** 2).sum(axis=2)
     weights = np.exp(-0.5 * distance / spread**2) * skin.areas
     weights /= weights.sum(axis=1, keepdims=True)
-    # bone and nail below: the fixed node nearest along the way in
+    # The thickness is the distance from the nearest fixed node, on bone or nail.
     bone = skin.mesh.nodes[skin.mesh.fixed]
     thickness = np.array([np.sqrt(((bone - p) ** 2).sum(axis=1).min()) for p in places])
     inward = -(weights[:, :, None] * normals[None]).reshape(len(places), -1) / thickness[:, None]
@@ -92,11 +93,11 @@ def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:
     """Read a recorded sequence of stimuli: .csv with a column of times and one for each channel, or .npz.
 
     Returns:
-        times [s], rising, shape (n,), and stimuli, shape (n, channels).
+        Times [s], rising, shape (n,), and stimuli, shape (n, channels).
 
     Raises:
-        DermisError: the file cannot be read, has another number of channels, values that are not finite, or times that
-            do not rise, or whose unit a .csv file does not say and that can hardly be seconds.
+        DermisError: the file cannot be read, has another number of channels or values that are not finite, times do not
+            rise, or the times of a .csv file have no unit and are hardly in seconds.
     """
     path, where = Path(path), str(path)
     if path.suffix.lower() == ".csv":
@@ -128,10 +129,10 @@ def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:
 
 
 def noise_of(stimuli: Array) -> float:
-    """Return the standard deviation of one channel's noise in a sequence of readings, shape (n, c), in their unit.
+    """Estimate the standard deviation of one channel's noise in a sequence of readings, shape (n, c).
 
-    Measured on the second differences, which a touch hardly has and noise has most of; the median over samples leaves
-    out the few in which a touch begins or ends. 0 for sequences too short to tell.
+    The estimate uses second differences, which are small for a touch and large for noise. The median over the samples
+    excludes the few in which a touch begins or ends. The result is 0 for sequences below `MIN_SAMPLES`.
     """
     if len(stimuli) < MIN_SAMPLES:
         return 0.0
@@ -140,15 +141,19 @@ def noise_of(stimuli: Array) -> float:
 
 
 def noise_floor_of(noise: float, channels: int) -> float:
-    """Return the strength that readings of an untouched sensor stay below, but for 1 in 30,000.
+    """Return the norm of noise that 1 in 30,000 readings of an untouched sensor exceeds.
 
     Args:
         noise: standard deviation of one channel.
+        channels: number of channels.
     """
     return noise * _chi(channels, RARE)
 
 
 def _chi(channels: int, deviations: float) -> float:
-    """Quantile of the norm of independent normal numbers. Source: Wilson and Hilferty 1931"""
+    """Return a quantile of the norm of independent standard normal numbers.
+
+    Source: Wilson and Hilferty 1931
+    """
     share = 2.0 / (9.0 * channels)
     return float(np.sqrt(channels * (1.0 - share + deviations * np.sqrt(share)) ** 3))

@@ -1,4 +1,4 @@
-"""Stimulus: what contact forces do to the skin, each part computed when it is first asked for."""
+"""Stimulus: displacement, stress and energy of a skin under contact forces."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ __all__ = ["COMPONENTS", "Stimulus", "von_mises"]
 
 @dataclass(frozen=True, eq=False)
 class Stimulus:
-    """The state of a skin under contact.
+    """State of a skin under contact forces.
 
-    Everything is in the finger's frame, whose Z axis points to the nail. Nothing is computed before it is read, and
-    then once.
+    All quantities are in the finger's frame, whose Z axis points to the nail. Each is computed at its first use and
+    then kept.
 
     Attributes:
-        skin: the model.
-        force: on the skin at each pad node [N], shape (m, 3).
-        points: the same forces where they act, on points of the smooth skin; None where they act on nodes.
-        given: what a touch keeps of tissue that follows a law, as its contact found it: by how much less than linear
-            skin the pad gives way [m], shape (3 m,). Where None it is found from the forces.
+        skin: model of the skin.
+        force: forces on the pad nodes [N], shape (m, 3).
+        points: forces on points of the smooth skin, if contact was solved there; else None.
+        given: correction of nonlinear skin as the contact computed it: displacement of the pad nodes in linear skin
+            minus that in nonlinear skin [m], shape (3 m,). None computes it from the forces.
     """
 
     skin: SkinModel
@@ -49,7 +49,7 @@ class Stimulus:
 
     @cached_property
     def amounts(self) -> Array | None:
-        """What a touch keeps of tissue that follows a law, see `given`; None of linear skin."""
+        """Correction of nonlinear skin [m], see `given`, shape (3 m,); None for linear skin."""
         if self.given is not None or not self.skin.follows_law:
             return self.given
         return self.skin.law.loaded(self._load).astype(np.float64)
@@ -69,12 +69,12 @@ class Stimulus:
 
     @property
     def _follows(self) -> bool:
-        """Whether the law tells what is felt."""
+        """Whether the nonlinear law determines displacement and stress."""
         return self.skin.follows_law and self.amounts is not None
 
     @property
     def _load(self) -> Floats32:
-        """The forces over E, shape (3 m,)."""
+        """Forces on the pad nodes divided by E, shape (3 m,)."""
         return (np.asarray(self.force, float).ravel() / self.skin.material.modulus).astype(np.float32)
 
     @cached_property
@@ -88,14 +88,14 @@ class Stimulus:
 
     @cached_property
     def more(self) -> Array | None:
-        """Stress of each element beyond linear tissue's [Pa], shape (e, 6); None of linear skin."""
+        """Stress of each element minus that of linear tissue [Pa], shape (e, 6); None for linear skin."""
         return self.stress - self.skin.operator.stress(self._linear_displacement) if self._follows else None
 
     @cached_property
     def stress(self) -> Array:
         """Stress of each element [Pa], xx, yy, zz, yz, xz, xy, shape (e, 6).
 
-        It is that of forces on nodes, smeared over an element: near the skin read `probe_stress`.
+        It is that of forces on nodes, averaged over elements. Near the skin, `probe_stress` is more accurate.
         """
         if self._follows:
             return self.skin.material.modulus * self.skin.law.stress(self._state)
@@ -103,16 +103,17 @@ class Stimulus:
 
     @cached_property
     def probe_stress(self) -> Array:
-        """Stress at `skin.probes`, at receptor depth under the pad nodes [Pa], shape (k, 6), see `stress_at`."""
+        """Stress at `skin.probes`, at the depths of receptors below the pad nodes [Pa], shape (k, 6)."""
         return self.stress_at(self.skin.probes)
 
     def stress_at(self, probes: Probes) -> Array:
         """Return the stress at points in the tissue [Pa], xx, yy, zz, yz, xz, xy, shape (k, 6).
 
-        Of forces on points it is that of the smooth skin, as deep under it, and what the law adds on the mesh.
+        For forces on points, it is the stress of the smooth skin at the same depth, plus the difference by the
+        nonlinear law on the mesh.
 
         Args:
-            probes: of this skin's mesh; where forces are on points their depths are known.
+            probes: points in this skin's mesh. If forces act on points, their depths must be known.
         """
         if self.points is None:
             return probes.read(self.stress)
@@ -153,7 +154,7 @@ class Stimulus:
 
     @cached_property
     def centre_of_pressure(self) -> Array:
-        """Mean of the pad nodes at rest, weighted by the force into the skin [m], shape (3,); nan without contact."""
+        """Mean position of the pad nodes at rest, weighted by the force into the skin [m], shape (3,); else nan."""
         push = np.maximum(self._push, 0.0)
         total = push.sum()
         return push @ self.skin.positions / total if total > 0 else np.full(3, np.nan)
@@ -164,11 +165,11 @@ class Stimulus:
         return -np.einsum("ij,ij->i", force, self.skin.normals)
 
     def surface_values(self, values: Array) -> Array:
-        """Return element values smoothed to all nodes for drawing, (e, ...) to (n, ...)."""
+        """Return values at all nodes for drawing, shape (n, ...), averaged from elements, shape (e, ...)."""
         return nodal_average(self.skin.mesh, values)
 
     def summary(self) -> dict[str, Any]:
-        """Return what a result file keeps of a frame, without solving for anything."""
+        """Return the quantities of a frame that are stored in a result file, by name."""
         return {
             "normal_force": float(self._push.sum()),
             "resultant": self.resultant.tolist(),

@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..scene.tactile_scene import ABSENT, Mesh
 
-# A mesh whose faces' area vectors add up to less than this fraction of its area encloses a volume.
+# A mesh encloses a volume if the sum of its faces' area vectors is below this fraction of its area.
 CLOSED = 1e-6
 
 _CENTRES: weakref.WeakKeyDictionary[Mesh, Array] = weakref.WeakKeyDictionary()
 
 
 def centre_of(mesh: Mesh) -> Array:
-    """Return the centroid of the enclosed volume, or the mean of the vertices where none is enclosed [m], shape (3,).
+    """Return the centre of gravity of a mesh [m], shape (3,).
 
-    A homogeneous solid is assumed. The point moves with any linear map of the mesh. It is kept while the mesh lives.
+    It is the centroid of the enclosed volume, for a homogeneous solid, or the mean of the vertices if no volume is
+    enclosed. A linear map of the mesh maps the centre alike. The result is kept as long as the mesh exists.
     """
     if mesh not in _CENTRES:
         _CENTRES[mesh] = _centre_of(mesh)
@@ -41,15 +42,15 @@ def _centre_of(mesh: Mesh) -> Array:
 
 
 def centres_of(meshes: Sequence[Mesh]) -> Array:
-    """Return the centres of the meshes of consecutive samples [m], shape (n, 3); NaN where the object is not there."""
+    """Return the centres of meshes of consecutive samples [m], shape (n, 3); NaN while the object is absent."""
     nowhere = np.full(3, np.nan)
     return np.array([nowhere if np.array_equal(m.vertices, ABSENT.vertices) else centre_of(m) for m in meshes])
 
 
 def held_centres(centres: Array) -> Array:
-    """Return centres, shape (n, 3), with the last one kept while the object is not there, at first the first one.
+    """Replace the centres of an absent object, shape (n, 3), by the last one, or at the begin by the first one.
 
-    An absent object must not move: it would come back with the speed and acceleration of the way.
+    An absent object then has no velocity and acceleration when it appears again.
     """
     there: NDArray[np.bool_] = np.isfinite(centres[:, 0])
     if there.all() or not there.any():

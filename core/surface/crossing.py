@@ -1,4 +1,4 @@
-"""Where straight ways first enter a surface. Nearness cannot tell this of objects thinner than a step."""
+"""First crossing of straight lines with a surface, also for objects thinner than a step."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ from numpy.typing import NDArray
 from ..arrays import Array, Indices
 from .triangles import TriangleTable
 
-# Ways that pass beside a triangle by less than this share of its size meet it: none slips through between two.
+# A line that passes a triangle within this share of its size crosses it, so that none passes between two triangles.
 OVERLAP = 1e-9
-# So many pairs of a way and a triangle are looked at at once.
+# Number of pairs of a line and a triangle that are tested at once.
 PAIRS_AT_ONCE = 1_500_000
-# A margin about triangles' balls, relative to their size and in all [m]: triangles nearer to a way are looked at.
+# Margin around the bounding spheres of triangles, relative to their size and absolute [m].
 NEAR = 1e-6
 
 
 def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1) -> tuple[Indices, Array]:
-    """Return the first triangle that each way enters through its front, and where.
+    """Return the first triangle that each line segment crosses from its front.
 
     Args:
-        start, end: first and last point of each way [m], shape (n, 3) each.
-        side: 1 where the front is on the side of the normals, -1 where it is behind them.
+        table: triangles of the surface.
+        start, end: ends of each segment [m], shape (n, 3) each.
+        side: 1 if the front is on the side of the normals, -1 if it is behind them.
 
     Returns:
-        The triangle, -1 where a way enters none, shape (n,); how far along the way it is met, 0 to 1, shape (n,).
+        Index of the triangle, -1 for none, shape (n,); position of the crossing along the segment, 0 to 1, shape (n,).
 
-    Source: Moeller and Trumbore 1997.
+    Source: Moeller and Trumbore 1997
     """
     triangle, share = np.full(len(start), -1), np.ones(len(start))
     low, high = np.minimum(start, end), np.maximum(start, end)
@@ -50,7 +51,7 @@ def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1
         a, ab, ac = (table.rows[k : k + 3].take(chosen[near], axis=1) for k in (0, 3, 6))
         offset = origin - a
         normal, across = _cross(ab, ac), _cross(offset, way)
-        along = _dot(way, normal)  # below zero where it enters, by the normals
+        along = _dot(way, normal)  # negative if the line enters against the normal
         with np.errstate(divide="ignore", invalid="ignore"):
             t, u, w = -_dot(offset, normal) / along, -_dot(across, ac) / along, _dot(across, ab) / along
             met = (side * along < 0.0) & (t >= 0.0) & (t <= 1.0)
@@ -63,16 +64,19 @@ def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1
 
 
 def _close(start: Array, way: Array, middle: Array, radius: Array, front: Array) -> tuple[Indices, Indices]:
-    """Return the pairs of a way and a ball that come together, and whose way leads through the ball's plane, (k,) each.
+    """Return the pairs of a segment and a sphere that meet, if the segment also crosses the sphere's plane.
 
     Args:
-        start, way: first point and vector of each way [m], shape (n, 3).
-        middle, radius: centres and radii of the balls [m], shapes (3, m) and (m,).
-        front: unit normals of the planes through their middles, towards where ways come from, shape (3, m).
+        start, way: first point and vector of each segment [m], shape (n, 3).
+        middle, radius: centres and radii of the spheres [m], shapes (3, m) and (m,).
+        front: unit normals of the planes through the centres, towards the side from which segments come, shape (3, m).
+
+    Returns:
+        Indices of segment and sphere of each pair, shape (k,) each.
     """
     far = np.sqrt(np.einsum("ni,ni->n", way, way))
     line = way / np.maximum(far, 1e-300)[:, None]
-    origin = start.mean(axis=0)  # nearby, so that nothing cancels
+    origin = start.mean(axis=0)  # a near origin avoids cancellation
     start, middle = start - origin, middle - origin[:, None]
     along = line @ middle - np.einsum("ni,ni->n", line, start)[:, None]
     square = np.einsum("in,in->n", middle, middle) - 2.0 * (start @ middle)

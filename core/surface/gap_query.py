@@ -1,4 +1,4 @@
-"""The answer to how far points are from a surface."""
+"""GapQuery: closest points of a surface, with signed gaps and normals."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from ..arrays import Array, Indices
 
 @dataclass(frozen=True)
 class GapQuery:
-    """The closest points of a surface.
+    """Closest points of a surface to n points.
 
     Attributes:
-        gap: signed distance [m], positive outside, inf beyond reach, shape (n,).
-        normal: unit gradient of the gap, pointing outward; zero beyond reach, shape (n, 3).
-        point: the closest point of the surface [m], NaN beyond reach, shape (n, 3).
-        triangle: the triangle it lies on, -1 beyond reach, shape (n,).
-        weights: barycentric weights of the three corners at the closest point, shape (n, 3).
-        beside: the point has passed beside the rim of an open surface and is outside of either side, shape (n,).
+        gap: signed distance, positive outside [m], shape (n,); inf beyond reach.
+        normal: gradient of the gap, a unit vector outwards, shape (n, 3); zero beyond reach.
+        point: closest point of the surface [m], shape (n, 3); NaN beyond reach.
+        triangle: index of the triangle of the closest point, shape (n,); -1 beyond reach.
+        weights: barycentric weights of the triangle's corners at the closest point, shape (n, 3).
+        beside: whether the point lies beyond the rim of an open surface and is therefore outside on both sides, (n,).
     """
 
     gap: Array
@@ -31,7 +31,7 @@ class GapQuery:
     beside: NDArray[np.bool_]
 
     def flipped(self) -> GapQuery:
-        """Return the same answer for the other side of the surface."""
+        """Return the result for contact on the other side of the surface."""
         turned = np.isfinite(self.gap) & ~self.beside
         gap = np.where(turned, -self.gap, self.gap)
         normal = np.where(turned[:, None], -self.normal, self.normal)

@@ -1,6 +1,6 @@
-"""KernelBody: a surface as the kernels take it, and signed distances to it.
+"""KernelBody: record of a surface for the kernels, and signed distances to it.
 
-`core/kernels/distance.c` has the method.
+`core/kernels/distance.c` describes the method.
 """
 
 from __future__ import annotations
@@ -20,15 +20,19 @@ from .triangle_tree import TriangleTree
 
 
 class KernelBody:
-    """A surface in a record for the kernels.
+    """Surface in a record for the kernels.
 
     Args:
-        tree: its triangles. rays: all triangles of the surface, for rays that tell sides; None where none are cast.
-        topology: how the triangles hang together. slabs: directions, and how far it reaches along them, shape (k, 5).
-        outside: its winding number outside. other: a solid that runs through this one; both are the body.
+        tree: search tree of its triangles.
+        rays: search tree of all triangles of the surface, for rays that determine sides; None if no rays are cast.
+        topology: adjacency of the triangles.
+        slabs: directions, and the extent of the surface along them, shape (k, 5).
+        outside: winding number of points outside.
+        by_rays: initial value of the attribute.
+        other: a solid that intersects this one; both together are the body.
 
     Attributes:
-        by_rays: whether rays tell the sides of all points; else the closest triangle does, where it can.
+        by_rays: whether rays determine the side of all points; otherwise the closest triangle does if it can.
     """
 
     def __init__(
@@ -72,10 +76,12 @@ class KernelBody:
         self.record.by_rays = value
 
     def tangled(self, parts: Indices) -> bool:
-        """Return whether rays must tell sides: the surface runs through itself, or a part lies in another one's solid.
+        """Return whether rays must determine sides.
+
+        They must if the surface intersects itself, or if a part of it is inside the solid of another part.
 
         Args:
-            parts: a triangle of each part, shape (k,).
+            parts: index of one triangle of each part, shape (k,).
         """
         parts = np.ascontiguousarray(parts, dtype=np.int64)
         own = records.BodyRecord.from_buffer_copy(self.record)
@@ -87,10 +93,11 @@ class KernelBody:
         """Return the signed gap, closest point and normal of each point.
 
         Args:
-            points: [m], shape (n, 3). limit: largest distance of interest outside [m], may be inf.
+            points: points [m], shape (n, 3).
+            limit: largest distance outside that is measured [m], or inf.
 
         Raises:
-            DermisError: points that are not finite numbers, or wrong shapes.
+            DermisError: a point is not finite, or the shape is wrong.
         """
         n, points = len(points), np.ascontiguousarray(points, dtype=np.float64)
         if points.shape != (n, 3):

@@ -79,7 +79,9 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
     """
     spec = active_presets.spec_of(device.preset, "platform")
     if spec is None:
-        raise DermisError("the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one under Devices")
+        raise DermisError(
+            "the finger wears no platform", where=f"finger '{obj.name}'", remedy="Add one in the Dermis tab under Wear"
+        )
     yield core.pipeline.bake.Progress("skin", 0, 1)
     skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
     yield from skin_models.tables_made(skin)  # a bake makes them, and would look for one of that skin

@@ -30,7 +30,9 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
     device = active_presets.searched_of(obj)
     spec = active_presets.searched(device) if device is not None else None
     if device is None or spec is None:
-        raise DermisError("the finger wears no thimble", where=f"finger '{obj.name}'", remedy="Add one under Devices")
+        raise DermisError(
+            "the finger wears no thimble", where=f"finger '{obj.name}'", remedy="Add one in the Dermis tab under Wear"
+        )
     skin = skin_properties.parameters(obj.dermis.finger.skin)
     use = thimble_devices.use_of(device)
     folder = thimble_devices.folder(create=True)

@@ -33,7 +33,9 @@ def part_of_hand(obj: bpy.types.Object | None) -> bool:
     """Return whether fingers may be attached to what an object is part of: an armature, or parts without one."""
     if armature_of(obj) is not None:
         return True
-    return obj is not None and obj.dermis.role != "FINGER" and obj.type in _PARTS and obj.parent is not None
+    if obj is not None and obj.dermis.role == "FINGER":  # of a hand that it was attached to
+        obj = obj.parent
+    return obj is not None and obj.type in _PARTS and obj.parent is not None
 
 
 def linked_parts(obj: bpy.types.Object) -> tuple[bpy.types.Object, ...]:

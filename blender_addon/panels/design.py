@@ -175,7 +175,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         row.operator("dermis.design_preset", icon="PRESET_NEW")
         row.operator("dermis.save_design", icon="EXPORT")
         if answer.preset:
-            paragraph(layout, context, f"Preset: {answer.preset}, under Devices", "CHECKMARK")
+            paragraph(layout, context, f"Preset: {answer.preset}, in Add Device", "CHECKMARK")
 
     def _couplings(self, context: bpy.types.Context, box: Any, design: Any, reduction: Any, count: int) -> None:
         directions = reduction.components.directions[:, :count]

@@ -53,7 +53,10 @@ class Lane:
         else:
             parts.append("touch" if self.most("touch") else "no touch")
         if "mismatch" in self.series:
-            parts.append(f"· mismatch, up to {100.0 * self.most('mismatch'):.0f} %")
+            most = self.most("mismatch")  # of the target, which is next to nothing where a touch begins
+            parts.append(
+                f"· mismatch, up to {100.0 * most:.0f} %" if most <= 1.0 else "· mismatch, above 100 % at times"
+            )
         if self.most("limited"):
             parts.append("· at a limit")
         if self.most("doubt"):

@@ -126,7 +126,7 @@ def findings(geometry: Geometry | None, stretch: float, unit: float, made: Any |
             "it shades smooth, but its flat faces are felt",
             where=where,
             value=f"up to {1e3 * offset:.3g} mm beside the curved surface",
-            remedy="Turn on Curved Surface in the Dermis tab under Haptic Material, or shade it flat",
+            remedy="Turn on Curved Surface in the Dermis tab under Touch: Material, or shade it flat",
         ),
     )
 

@@ -177,7 +177,7 @@ def _relief(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
         "no-height",
         "its height is 0 mm, so the relief is flat",
         where=where,
-        remedy="Set Height in the Dermis tab under Screen",
+        remedy="Set Height in the Dermis tab under Touch: Screen",
     )
     return replace(made, heights=np.zeros_like(made.heights), height_unit=1.0, findings=(*made.findings, finding))
 
@@ -220,7 +220,7 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
                 where=f"{where}, image '{settings.image.name_full}'",
                 value=settings.image.file_format,
                 limit="PNG, OpenEXR, Radiance HDR; TIFF of one type of sample, whose file is there",
-                remedy="Choose it as a file: Source in the Dermis tab under Screen; or save it as OpenEXR or PNG",
+                remedy="Choose it as a file: Source in the Dermis tab under Touch: Screen; or save it as OpenEXR or PNG",
             )
         largest = found or 1
         made = depth_map.from_array(
@@ -234,7 +234,9 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
         height_unit = 0.0 if unit_ is None else unit_ * largest
         return _with_unit(obj, replace(made, findings=noticed + made.findings, height_unit=height_unit), where)
     if not settings.filepath.strip():
-        raise DermisError("no image file was chosen", where=where, remedy="Choose one in the Dermis tab under Screen")
+        raise DermisError(
+            "no image file was chosen", where=where, remedy="Choose one in the Dermis tab under Touch: Screen"
+        )
     return _file(obj, sequence=settings.source == "SEQUENCE")
 
 
@@ -289,7 +291,7 @@ def _doubtful(heights: NDArray[np.float32], depth: bool, where: str) -> tuple[An
             "its numbers look like measures, but were taken as brightness, in which 1 is white",
             where=where,
             value=f"{low:.4g} to {high:.4g}",
-            remedy="Set Values Are in the Dermis tab under Screen; leave it where 1 is as high as Height says",
+            remedy="Set Values Are in the Dermis tab under Touch: Screen; leave it where 1 is as high as Height says",
         ),
     )
 
@@ -301,7 +303,9 @@ def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float3
         DermisError: no image, or one without pixels.
     """
     if image is None:
-        raise DermisError("the image is missing", where=where, remedy="Choose one in the Dermis tab under Screen")
+        raise DermisError(
+            "the image is missing", where=where, remedy="Choose one in the Dermis tab under Touch: Screen"
+        )
     width, height = image.size
     if width == 0 or height == 0 or (len(image.pixels) == 0):
         raise DermisError(

@@ -318,7 +318,7 @@ def _finger(obj: bpy.types.Object, screens: set[str], findings: list[Any]) -> An
                     "no-preset",
                     "one of its devices has no preset",
                     where=where,
-                    remedy="Choose one in the Dermis tab under Devices",
+                    remedy="Choose one in the Dermis tab under Wear",
                 )
             )
         elif screen and screen not in screens:
@@ -330,7 +330,7 @@ def _finger(obj: bpy.types.Object, screens: set[str], findings: list[Any]) -> An
                     where=where,
                     value=screen,
                     limit=", ".join(sorted(screens)) or "no usable touch screen here",
-                    remedy="Choose another screen in the Dermis tab under Devices",
+                    remedy="Choose another screen in the Dermis tab under Wear",
                 )
             )
         # Kept all the same: the numbers of its neighbours' channels must not change.

@@ -86,7 +86,7 @@ def usable(
                     "no-device",
                     "the finger has no device, so it gives no track",
                     where=f"finger '{finger.name}'",
-                    remedy="Add one in the Dermis tab under Devices",
+                    remedy="Add one in the Dermis tab under Wear",
                 )
             )
         for use in finger.devices:

@@ -638,6 +638,8 @@ def test_links_with_meshes_frames_and_ends_are_one_hand(behind: bool, side: str)
             body(end, axes, middle, size)
     bpy.context.view_layer.objects.active = last["ring"]
     assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert bpy.context.object in fingers().values()
+    assert bpy.ops.dermis.attach_fingers.poll()  # else the panel of the last operation is not shown
     assert {o.name for o in fingers().values()} == {f"{f.title()}.{side}" for f in FINGERS}
     for finger, obj in fingers().items():
         line, nails = hand_rigs.joints()[finger]

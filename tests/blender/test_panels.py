@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from pathlib import Path
 
 import bpy
@@ -36,6 +37,18 @@ def test_every_button_has_an_operator() -> None:
     for name in names:
         group, _, operator = name.partition(".")
         assert getattr(getattr(bpy.ops, group), operator).get_rna_type().description, name
+
+
+def test_remedies_name_panels_that_are_there() -> None:
+    labels = {getattr(c, "bl_label", "") for c in panels.CLASSES}
+    root = Path(panels.__file__).parents[2]
+    named = {
+        word
+        for folder in ("blender_addon", "core")
+        for path in (root / folder).rglob("*.py")
+        for word in re.findall(r"in the Dermis tab under ([A-Z]\w+(?:: [A-Z]\w+)?)", path.read_text(encoding="utf-8"))
+    }
+    assert "Wear" in named and named <= labels
 
 
 def test_every_property_that_is_drawn_exists() -> None:

@@ -76,6 +76,8 @@ def test_mismatch_colours_and_limits_are_red() -> None:
     assert pixels(layout, columns.ORANGE) == [(20, 40)] and pixels(layout, columns.BLUE) == []
     assert pixels(layout, columns.RED) == [(24, 26)]
     assert "mismatch, up to 100 %" in made.says and "at a limit" in made.says
+    begun = lane(touch=([0, 10, 20], [0, 1, 0]), mismatch=([0, 10, 20], [0, 505.96, 0]))  # in the first light touch
+    assert begun.says == "Index: touch · mismatch, above 100 % at times"
 
 
 def test_a_view_that_shows_part_shows_that_part() -> None:

@@ -220,7 +220,8 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
                 where=f"{where}, image '{settings.image.name_full}'",
                 value=settings.image.file_format,
                 limit="PNG, OpenEXR, Radiance HDR; TIFF of one type of sample, whose file is there",
-                remedy="Choose it as a file: Source in the Dermis tab under Touch: Screen; or save it as OpenEXR or PNG",
+                remedy="Choose it as a file: Source in the Dermis tab under Touch: Screen; or save it as OpenEXR or "
+                "PNG",
             )
         largest = found or 1
         made = depth_map.from_array(

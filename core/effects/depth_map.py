@@ -187,7 +187,8 @@ def _check_white(raster: images.Raster, path: str | Path) -> None:
             "the map holds whole numbers as lengths, and their unit is not stated",
             where=f"image '{Path(path).name}'",
             value=f"{found[0]:.7g} to {found[1]:.7g} of {raster.levels - 1}",
-            remedy="Say what one stands for: Values Are in the Dermis tab under Touch: Screen, or unit=1e-3 (mm) in a script",
+            remedy="Say what one stands for: Values Are in the Dermis tab under Touch: Screen, or unit=1e-3 (mm) in a "
+            "script",
             code="no-unit",
         )
 

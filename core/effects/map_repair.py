@@ -229,7 +229,10 @@ def say_no_data(number: float, said: Sequence[float]) -> str:
     option = " or ".join(" ".join(f"--no-data {word}" for word in words) for words in answers)
     quoted = [", ".join(word if word != "none" else "'none'" for word in words) for words in answers]
     script = " or ".join(f"no_data=({words})" if said else f"no_data={words}" for words in quoted)
-    return f"Say which: No Data {field} in the Dermis tab under Touch: Screen; {option} on the command line; {script} in a script"
+    return (
+        f"Say which: No Data {field} in the Dermis tab under Touch: Screen; {option} on the command line; "
+        f"{script} in a script"
+    )
 
 
 def _words(number: float) -> str:

@@ -24,8 +24,8 @@ from ..motion import singular
 from ..scene.tactile_scene import Mesh
 from .solver.bodies import ContactBody, node_gaps
 
-# Groups of points. The gap of a group's centre, less the radius of the group, bounds the gaps of its points. That is
-# enough for bodies that are far away.
+# Least number of groups of points. The gap of a group's centre, less the radius of the group, is a lower bound of the
+# gaps of its points. This bound is enough for bodies that are far away.
 GROUPS = 32
 # A gap is measured exactly up to this length [m]. The larger a measured gap, the longer it serves as a bound.
 FAR = 5e-3

@@ -1,6 +1,6 @@
-"""Coupling: fewer motors that drive a platform's original ones together, by pulleys of different radii or levers.
+"""Coupling: motors that each drive several of a platform's original motors, by pulleys or levers.
 
-Original commands are m = offset + matrix c for commands c of the new motors.
+The original commands are m = offset + matrix c for commands c of the new motors.
 
 Source: [S2] IV.B and VI (pulley radii are multiples of the components)
 """
@@ -18,11 +18,12 @@ from .spec import Channel, DeviceSpec
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """How new motors drive the original ones.
+    """Linear map from the commands of k new motors to those of n original motors.
 
     Attributes:
-        matrix: original command for a unit of each new motor, shape (n, k). offset: original command at zero, (n,).
-        channels: the original motors, with their ranges.
+        matrix: original commands for a unit command of each new motor, shape (n, k).
+        offset: original commands for zero commands, shape (n,).
+        channels: channels of the original motors, with their ranges.
     """
 
     matrix: Array
@@ -30,11 +31,14 @@ class Coupling:
     channels: tuple[Channel, ...]
 
     def original(self, commands: Array) -> Array:
-        """Return the original motors' commands, (..., k) to (..., n)."""
+        """Return the original commands, shape (..., n), for commands of the new motors, shape (..., k)."""
         return self.offset + commands @ self.matrix.T
 
     def reduced(self, commands: Array) -> Array:
-        """Return the nearest commands of the new motors, each original one over its range, (..., n) to (..., k)."""
+        """Return the commands of the new motors, shape (..., k), nearest to original commands, shape (..., n).
+
+        Distances are those of original commands divided by the motors' ranges.
+        """
         scale = 1.0 / np.array([(c.high or 0.0) - (c.low or 0.0) for c in self.channels])
         inverse = np.linalg.pinv(self.matrix * scale[:, None]) * scale
         return (commands - self.offset) @ inverse.T

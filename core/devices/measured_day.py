@@ -1,4 +1,4 @@
-"""When something of a built device was measured, and for how many days it may be used."""
+"""Checks of the day of a measurement, and of the number of days for which it is valid."""
 
 from __future__ import annotations
 
@@ -10,10 +10,15 @@ MOST_DAYS = 3650
 
 
 def check_day(measured_on: object, valid_days: object, where: str) -> None:
-    """Refuse a day that is none, or a number of days that cannot be.
+    """Raise an error for an invalid day or number of days.
+
+    Args:
+        measured_on: day as in '2026-11-27'; '' if it is not known.
+        valid_days: number of days, 0 to `MOST_DAYS`.
+        where: name of the file, for the error.
 
     Raises:
-        DermisError: says which.
+        DermisError: the day or the number of days is invalid.
     """
     if type(valid_days) is not int or not 0 <= valid_days <= MOST_DAYS:
         raise DermisError("'valid_days' is no number of days", where=where, value=valid_days, limit=f"0 to {MOST_DAYS}")
@@ -21,7 +26,7 @@ def check_day(measured_on: object, valid_days: object, where: str) -> None:
 
 
 def age_of(measured_on: str, today: date) -> int | None:
-    """Return how many days before today a day was; None where nobody says."""
+    """Return the number of days since a measurement; None if its day is not known."""
     day = _day(measured_on, "measured on")
     return None if day is None else (today - day).days
 

@@ -1,4 +1,4 @@
-"""The mechanism of a device, read from its preset by its kind's own file, which loads only then."""
+"""Mechanism of a device from its preset; the file of its kind is loaded at the first use."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from .spec import DeviceSpec
 
 
 def kind_of(spec: DeviceSpec) -> Kind:
-    """Return the row of a device's kind.
+    """Return the entry of a device's kind.
 
     Raises:
-        DermisError: there is no such kind.
+        DermisError: the kind is unknown.
     """
     if spec.kind not in KINDS:
         raise DermisError(
@@ -28,7 +28,7 @@ def mechanism_of(spec: DeviceSpec) -> Any:
     """Return a device's mechanism.
 
     Raises:
-        DermisError: an unknown kind, or a preset that it cannot be made from.
+        DermisError: the kind is unknown, or the preset is invalid.
     """
     file, _, function = kind_of(spec).mechanism.partition(".")
     return attrgetter(function)(import_module(f".{file}", __package__))(spec)

@@ -1,15 +1,15 @@
-"""Retraction: the safe pose of a worn device, clear of whichever finger is in it.
+"""Retraction: clearance between the safe pose of a worn device and a finger.
 
-The rules were set before any pose was looked at:
+Two rules hold for each safe pose. They were set before any pose was computed:
 
-* CLEAR: in the safe pose the platform stands at least this far below the pad of the thickest finger among the skins
-  that ship. Devices sit on the nail, so a finger thicker than the one that a preset was made for hangs lower by the
-  difference.
-* On the way there, all channels together, the platform never presses deeper than where it started, by more than
-  0.05 mm.
+* In the safe pose, the platform is at least `CLEAR` below the pad of the thickest finger among the shipped skins.
+Devices
+  are mounted on the nail, so a thicker finger than that of the preset extends lower by the difference.
+* On the way there, with all channels moving together, the platform never presses more than 0.05 mm deeper than at the
+  start.
 
-A servo's end of range is not used up: a horn fits every 15 degrees (a spline of 24 teeth), so a calibration moves a
-pose by up to 7.5, and the safe pose with it.
+Safe poses keep a margin to the ends of the servos' ranges. A servo horn can be mounted every 15 degrees (a spline of 24
+teeth), so that a calibration shifts all poses by up to 7.5 degrees.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from . import cable_platform, hexapod, thimble
 from .coupling import coupling_of
 from .spec import DeviceSpec
 
-FITTED = 13.0e-3  # [m] thickness of the finger that the platforms' presets were made for, nail to pad
-THICKEST = 18.0e-3  # [m] of the skins that ship: a large thumb
-CLEAR = 2.0e-3  # [m]
+FITTED = 13.0e-3  # thickness from nail to pad of the finger of the platforms' presets [m]
+THICKEST = 18.0e-3  # largest thickness among the shipped skins, that of a large thumb [m]
+CLEAR = 2.0e-3  # least clearance [m]
 
 
 def clearance(spec: DeviceSpec, commands: Array) -> float:
-    """Return how far the platform stays below the thickest finger [m]; inf for devices that have none.
+    """Return the distance of the platform below the thickest finger [m]; inf for devices without a platform.
 
     Args:
         commands: commands of every channel with an actuator [SI], shape (channels,); those of the new motors if motors
@@ -51,6 +51,6 @@ def clearance(spec: DeviceSpec, commands: Array) -> float:
 
 
 def _below(normal: Array, centre: Array, radius: float) -> float:
-    """Return how far the highest point of a disc lies below the lowest of the thickest finger [m]."""
+    """Return the distance from the highest point of a disc to the lowest point of the thickest finger [m]."""
     highest = centre[2] + radius * float(np.hypot(normal[0], normal[1]))
     return float(-(THICKEST - FITTED) - highest)

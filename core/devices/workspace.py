@@ -1,4 +1,4 @@
-"""Workspace: where a thimble's platform can go, as curves to draw and as figures to read."""
+"""Workspace: limits of the poses of a thimble's platform."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from ..arrays import Array
 from ..errors import DermisError
 from .thimble import Thimble
 
-STEEPEST = np.radians(60.0)  # of tilt that is looked at
-HALVINGS = 14  # of an interval in the search for a limit: 0.004 degrees, 1 um
+STEEPEST = np.radians(60.0)  # largest tilt that is tested [rad]
+HALVINGS = 14  # number of halvings in the search for a limit, for an accuracy of 0.004 degrees or 1 um
 
 
 @dataclass(frozen=True, eq=False)
 class Workspace:
-    """The reach of a platform, tilted from level at several distances.
+    """Largest tilts of a platform at several distances.
 
     Attributes:
         distance: distance of the platform from the base [m], rising, shape (d,).
         direction: direction of tilt about the base's Z [rad], shape (a,); 0 is pitch, 90 degrees is roll.
-        tilt: the largest in each direction at each distance [rad], shape (d, a).
+        tilt: largest tilt at each distance in each direction [rad], shape (d, a).
     """
 
     distance: Array
@@ -29,19 +29,21 @@ class Workspace:
     tilt: Array
 
     def configurations(self, level: int) -> Array:
-        """Return the poses on the limit at a distance, shape (a, 3)."""
+        """Return the configurations on the limit at a distance, given by its index, shape (a, 3)."""
         tilt, distance = self.tilt[level], np.full(len(self.direction), self.distance[level])
         return np.stack([tilt * np.cos(self.direction), tilt * np.sin(self.direction), distance], axis=1)
 
 
 def distance_range(device: Thimble, around: float, pitch: float = 0.0, roll: float = 0.0) -> tuple[float, float]:
-    """Return the smallest and largest distance that the platform reaches at a tilt [m].
+    """Return the smallest and the largest distance that the platform reaches at a tilt [m].
 
     Args:
-        around: a distance that it does reach.
+        device: the thimble.
+        around: a distance that the platform reaches at this tilt [m].
+        pitch, roll: the tilt [rad].
 
     Raises:
-        DermisError: it does not reach that one.
+        DermisError: the platform does not reach `around`.
     """
     if not device.feasible((pitch, roll, around)):
         raise DermisError(
@@ -50,19 +52,25 @@ def distance_range(device: Thimble, around: float, pitch: float = 0.0, roll: flo
             value=f"{1e3 * around:.2f} mm",
             limit=f"servos within {np.degrees(device.servo_range):.3g} deg",
         )
-    start, out = np.array([pitch, roll, around]), device.crank + device.rod  # farther than that no leg goes
+    start, out = np.array([pitch, roll, around]), device.crank + device.rod  # no leg is longer than this
     low, high = (_edge(device, start, np.array([0.0, 0.0, sign]), out) for sign in (-1.0, 1.0))
     return around - low, around + high
 
 
 def workspace(device: Thimble, around: float, levels: int = 9, directions: int = 48) -> Workspace:
-    """Return the limits of tilt at several distances; `around` is a distance that the level platform reaches.
+    """Return the largest tilts of a platform at several distances.
+
+    Args:
+        device: the thimble.
+        around: a distance that the level platform reaches [m].
+        levels: number of distances.
+        directions: number of directions.
 
     Raises:
         DermisError: the level platform does not reach `around`.
     """
     low, high = distance_range(device, around)
-    margin = 0.02 * (high - low)  # at the very ends there is no tilt left
+    margin = 0.02 * (high - low)  # at the ends of the range no tilt is possible
     distance = np.linspace(low + margin, high - margin, levels).astype(np.float64)
     direction = np.arange(directions, dtype=np.float64) * (2 * np.pi / directions)
     ways = np.stack([np.cos(direction), np.sin(direction), np.zeros(directions)], axis=1)
@@ -73,7 +81,7 @@ def workspace(device: Thimble, around: float, levels: int = 9, directions: int =
 
 
 def _edge(device: Thimble, start: Array, way: Array, most: float) -> float:
-    """Return how far the platform can go along a way, up to `most`."""
+    """Return the largest feasible multiple of a direction `way` from a configuration, up to `most`."""
     low, step = 0.0, most / 24
     while low + step <= most and device.feasible(start + (low + step) * way):
         low += step

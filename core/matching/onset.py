@@ -3,7 +3,8 @@
 A new contact has no friction history, so the search starts from several poses. A touch begins weakly, and many poses
 render its first instant equally well. From then on friction keeps the disc near the pose in which it began. For a weak
 touch, each candidate is therefore judged by a second search: its target is the same stimulus scaled up to a stronger
-touch, and its friction state is the one that the candidate leaves. The candidate with the least residual is chosen.
+touch, and its friction state is the one that the candidate leaves. The candidate with the least residual is chosen. Of
+two candidates that differ little, the one whose start promised more is chosen.
 
 Source: [S0] 5.1 for the search of a frame. The second search is this project's own.
 """
@@ -21,7 +22,7 @@ FIRST_STARTS = 4  # starts of the search if the touch is not weak
 FIRST_GAIN = 0.1  # a later start replaces an earlier one only if it lowers the cost by more than this share
 SIDES = 8  # starts of the search if the touch is weak
 AHEAD = 0.3  # norm of the stronger target, relative to the median norm of the stimuli in the warm-start table
-FAINT = 1.5  # a touch is weak if the norm of its target is at least this many times smaller than that
+FAINT = 1.5  # a touch is weak if the norm of the stronger target is at least this many times that of its own
 # Two poses count as the same if no value differs by more than this [rad]. Lengths are divided by the platform's radius.
 ALIKE = np.radians(0.5)
 
@@ -39,8 +40,8 @@ def best_side(
         search: function that returns the minimum found from a configuration.
         scale: scale of a configuration's values, see `disc_device.scale_of`, shape (n,).
         left_of: function that returns the cost of a stronger target if contact began at a minimum. With it, the
-            distinct minima of all starts are compared by this cost. None: those of the first `FIRST_STARTS` starts are
-            compared by their own cost.
+            distinct minima of all starts are compared by this cost. Without it (None), the minima of the first
+            `FIRST_STARTS` starts are compared by their own cost.
     """
     found = [search(start) for start in starts]
     first = found[:FIRST_STARTS]

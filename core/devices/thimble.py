@@ -1,6 +1,6 @@
 """Thimble 3-RRS: a disc under the finger pad, pitched, rolled and pressed by three servos above the nail.
 
-It adds to the linkage the servos with their range and speed, the disc, and the mount on the finger.
+The class adds servos (with range and speed), the disc and the mount on the finger to the linkage.
 
 Source: [S0] 3.1; its kinematics are replaced by a closed form of the 3-RRS, see `core/THEORY.md`.
 """
@@ -24,8 +24,8 @@ from .servo_limits import SERVOS, servo_bounds, servo_speed
 from .singularity import singularity_margin
 from .spec import DeviceSpec
 
-# Least singularity margin allowed. At this margin an error of a servo turns the platform 15 times as far; at a margin
-# of zero the platform gives way.
+# Least singularity margin allowed. At this margin an error of a servo's angle turns the platform by 15 times this
+# error; at a margin of zero the platform gives way.
 MIN_MARGIN = 0.03
 # Limit of pitch and roll [rad]. A pair (pitch, roll) with both values beyond it describes the same pose as a pair
 # within it, but gives the singularity margin the opposite sign. So no value beyond it is allowed.
@@ -153,7 +153,10 @@ class Thimble(Linkage):
         return configuration(self, np.asarray(angles, dtype=np.float64) + self.servo_zero, start)
 
     def pulse_width(self, angles: ArrayLike) -> Array:
-        """Return the servos' pulse widths [s] for the linkage's servo angles [rad], which are not from neutral."""
+        """Return the servos' pulse widths [s] for the linkage's servo angles [rad].
+
+        These angles equal `servo_zero` at neutral, not 0.
+        """
         return self.pulse_neutral + self.pulse_gain * (np.asarray(angles, dtype=np.float64) - self.servo_zero)
 
     def in_finger(self, pose: PlatformPose) -> Array:

@@ -304,7 +304,7 @@ def _state(
         slipping=int((solution.status == cone.SLIP).sum()),
         note=f"{100 * mismatch:.0f} % off" + ("" if whole is None else f", whole stress {100 * whole:.0f} %"),
         work="rendered",
-        converged=bool(solution.converged),
+        converged=bool(solution.converged and solution.settled),
         counters={},
         points=core.surrogate.press_points.point_forces(target.model, spread) if on_points else None,
         amounts=solution.amounts,

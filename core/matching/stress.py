@@ -66,8 +66,8 @@ class ThimbleFrame:
         minimum: result of the search; None if the target is no touch.
         rescued: a learned model was wrong, and the direct search took its place.
         looks: number of evaluations of the nonlinear law; 0 on linear skin.
-        unsettled: error of the predicted stimulus at the last evaluation of the law, relative to the target; 0 if the
-            iteration converged, and on linear skin.
+        unsettled: error of the predicted stimulus at the last evaluation of the law, relative to the target, and at
+            least 1 if the law did not converge at this pose; 0 if the iteration converged, and on linear skin.
         felt: state of the whole skin under the disc; None if the matcher has no observer of the skin.
         stress_error: error of the whole stress, relative to the target's. The matcher leaves it 0; `Follower` sets it.
     """
@@ -243,14 +243,24 @@ class StressMatcher:
             self._beyond = found.beyond, found.beyond if before is None else before
         self.x, self.angles = x, self._angles(x)
         made = None if self.direct.observer is None else self.direct.felt(self.direct.observer, solution)
+        astray = 0.0 if solution.settled else 1.0
         if found is None:
-            return ThimbleFrame(x, self.angles, stimulus, 0.0, solution, None, felt=made)
+            return ThimbleFrame(x, self.angles, stimulus, 0.0, solution, None, unsettled=astray, felt=made)
         mismatch = float(np.sqrt(miss @ miss)) / size
         minimum = found.minimum
         if found.beyond.any():  # the search used linear skin: add the correction by the law
             minimum = replace(minimum, stimulus=minimum.stimulus + found.beyond)
         return ThimbleFrame(
-            x, self.angles, stimulus, mismatch, solution, minimum, found.rescued, found.looks, found.unsettled, made
+            x,
+            self.angles,
+            stimulus,
+            mismatch,
+            solution,
+            minimum,
+            found.rescued,
+            found.looks,
+            max(found.unsettled, astray),
+            made,
         )
 
     def follow(self, targets: Iterable[Array]) -> Iterator[ThimbleFrame]:
@@ -408,7 +418,7 @@ class StressMatcher:
             stimulus, jacobian = self.model.evaluate(part)
             minimum = replace(minimum, x=part, stimulus=stimulus, jacobian=jacobian)
         assert best is not None
-        return replace(best, looks=MOST_LOOKS, unsettled=max(off, 0.0 if best.solution.settled else 1.0))
+        return replace(best, looks=MOST_LOOKS, unsettled=off)
 
     def _part_of(self, start: Array, way: Array, share: float) -> Array:
         """Return start + share * way if that pose is feasible, else start + way."""

@@ -345,7 +345,7 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
             Finding(
                 "warning",
                 "law-unsettled",
-                "search and nonlinear law did not converge: the pose with the smallest error by the law was kept",
+                "search and nonlinear law did not converge: the best pose found was kept, and its errors are uncertain",
                 where,
                 f"remaining error: {100 * float(found.unsettled.max()):.1f} % of the touch",
                 f"convergence within {MOST_LOOKS} evaluations of the law",

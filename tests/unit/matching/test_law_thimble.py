@@ -9,6 +9,7 @@ import core
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
 from core.contact.solver.path_solver import PathSolver
+from core.devices import disc
 from core.devices.disc_pose import FrictionState, placed
 from core.devices.first_contact import first_contact
 from core.devices.thimble import Thimble, mechanism
@@ -140,6 +141,21 @@ def test_a_frame_that_does_not_settle_is_told(monkeypatch: pytest.MonkeyPatch) -
     (told,) = [f for f in findings_of(found, "finger") if f.code == "law-unsettled"]
     assert told.severity == "warning" and told.count == int((found.unsettled > 0.0).sum()) > 0
     assert not [f for f in findings_of(followed("slide"), "finger") if f.code == "law-unsettled"]
+
+
+def test_a_pose_that_the_law_does_not_settle_for_is_told_however_it_was_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Geometry asks the law once, at its own pose; a retreating disc still presses without a touch to follow."""
+    monkeypatch.setattr(disc, "MAX_ROUNDS", 1)
+    forces, amounts = touched("flat")
+    own = Follower(matcher(device(), skin(), "geometry", friction=FRICTION), skin(), "geometry")
+    found = own.follow(forces[:40], amounts[:40])
+    (told,) = [f for f in findings_of(found, "finger") if f.code == "law-unsettled"]
+    assert told.count == int((found.unsettled >= 1.0).sum()) > 0
+    slow = matcher(device(), skin(), friction=FRICTION, change=0.01)
+    slow.x = own.matching.x
+    slow.state, slow.angles, slow._pressed = own.matching.state, own.matching.angles, True
+    back = slow.step(np.zeros(slow.model.size))
+    assert back.minimum is None and back.touching and back.unsettled == 1.0
 
 
 def test_far_beyond_what_tissue_bears_nothing_runs_away() -> None:

@@ -18,7 +18,6 @@ from .sampling import participants
 
 HUGE = 3.0  # [m] things that a fingertip touches are smaller, as a rule
 OUTLIER = 2.0  # times as wide or as narrow as the others of its hand that a finger is doubted
-OFF = 0.1  # of a finger's width: 1 mm is asked of a pad that is placed well, and wrong ones were off by 0.18 and more
 UNLIKE = 4.0  # times as long or as short as its bone that a fingertip is doubted
 _KEYS = 40  # of a finger that are looked at
 _DEEPEST = 2e-3  # [m] that linear skin is trusted to, as the engine's finding 'too-deep' says
@@ -183,7 +182,7 @@ def _off_skin(
     if spot is None:
         return
     miss = unit * (spot.point - finger.matrix_world.translation).length
-    if miss > OFF * skin_properties.lengths(finger.dermis.finger.skin)["width"]:
+    if miss > fingertip_mesh.OFF * skin_properties.lengths(finger.dermis.finger.skin)["width"]:
         text = f"The pad of {finger.name} is {1e3 * miss:.3g} mm off the skin of its hand"
         yield Doubt("pad-off-skin", finger.name, text, "Put It on the Skin")
 

@@ -12,7 +12,6 @@ from mathutils import Matrix
 
 from .. import fingertip_mesh
 from .._core import DermisError, Finding, core
-from ..doubts import OFF
 from ..preferences import library
 from ..properties import skin_properties
 from ..quantities import metres_per_unit
@@ -84,7 +83,7 @@ def attach(
 
 def misses(fitted: Fit) -> bool:
     """Return whether a pad is off the skin by more than a tenth of the finger's width."""
-    return fitted.miss is not None and fitted.miss > OFF * fitted.width
+    return fitted.miss is not None and fitted.miss > fingertip_mesh.OFF * fitted.width
 
 
 def told(fitted: Fit) -> str:

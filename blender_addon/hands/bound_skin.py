@@ -74,7 +74,7 @@ def own_skin(parts: Sequence[bpy.types.Object], body: Mapping[str, str], context
     Parts that are hidden or are not meshes are left out.
 
     Args:
-        body: the part, as the name of a bone, that each mesh is the body of.
+        body: for the name of each mesh, the name of the bone that gets its triangles.
     """
     depsgraph = context.evaluated_depsgraph_get()
     found: dict[str, list[Array]] = defaultdict(list)

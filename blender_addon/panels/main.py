@@ -12,8 +12,8 @@ from ..results import exported, store
 from ..viewport import shown
 from . import summary
 
-_MOST_FILES = 4  # of an export that are listed by name
-_MOST_DOUBTS = 3  # at once; the others come when these are corrected
+_MOST_FILES = 4  # largest number of an export's files that are listed by name
+_MOST_DOUBTS = 3  # largest number shown at once; others come when these are corrected
 
 
 class DermisPanel:

@@ -182,7 +182,7 @@ def _trail_ends_at(scene: bpy.types.Scene, frame: float) -> bool:
 def _extended(
     sample: core.scene.tactile_scene.TactileScene, gap: float | None, edited: bool
 ) -> tuple[core.pipeline.trail.Trail, tuple[core.pipeline.bake.Output, ...]]:
-    """Take a sample into the trail, or into a new one; return that and the tracks up to the sample.
+    """Add a sample to the trail, or to a new trail; return this trail, and the tracks up to the sample.
 
     Args:
         gap: frames since the trail's last sample; None if there is no trail of this scene to go on from.

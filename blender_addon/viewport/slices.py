@@ -70,7 +70,7 @@ class Slices:
         self._passing = False
         self._came = -math.inf  # when a frame or a change came last, or the work on one was done
         self._at_rest = self._on_rest
-        self._timer = self._on_timer  # Blender knows a timer by its very object, and a method is another one each time
+        self._timer = self._on_timer  # Blender finds a timer by its object, and each access to a method makes one
 
     def busy(self, scene: bpy.types.Scene) -> bool:
         """Return whether there is work left for a scene."""

@@ -50,7 +50,7 @@ class SkinStepper:
         tolerance: largest residual that the contact solver accepts, see `Solution.residual`.
 
     Attributes:
-        far: pairs of a body and a sample that the broad phase skipped.
+        far: number of pairs of a body and a sample that the broad phase skipped.
         surface: the smooth pad on whose points contact is solved; None if contact is solved at nodes.
         strides: whether a sweep may solve only some samples and interpolate the forces between them, see `Strides`.
 

@@ -43,8 +43,8 @@ WORTHWHILE = 0.05  # of the cost: the device moves to a distant minimum only for
 # and adds a correction: the stimulus by the law minus the stimulus on linear skin, both at the last pose. The iteration
 # ends when the error of the predicted stimulus is below CLOSE times the target or LEFT times the residual.
 # CLOSE: accuracy to which the law is solved.
-# LEFT: if a correction is wrong by e times the residual, the final residual grows by at most a factor 1 + 2 e. Near the
-# best pose it grows by at most a factor 1 + e^2, which is 0.25 % for e = LEFT.
+# LEFT: limit for the error of a correction, relative to the residual. An error of e times the residual multiplies the
+# final residual by at most 1 + 2 e. Near the best pose it adds at most e^2 of the residual: 0.25 % for e = LEFT.
 CLOSE, LEFT = 5e-3, 0.05
 MOST_LOOKS = 6  # largest number of evaluations of the nonlinear law in a frame
 # Share of the cost: if the predicted gain of a step is smaller, a learned model's linear prediction is accepted without
@@ -66,8 +66,9 @@ class ThimbleFrame:
         minimum: result of the search; None if the target is no touch.
         rescued: a learned model was wrong, and the direct search took its place.
         looks: number of evaluations of the nonlinear law; 0 on linear skin.
-        unsettled: error of the predicted stimulus at the last evaluation of the law, relative to the target, and at
-            least 1 if the law did not converge at this pose; 0 if the iteration converged, and on linear skin.
+        unsettled: 0 unless one of two things happened. All evaluations of the law were used up: then it is the error
+            of the last predicted stimulus, relative to the target. The law did not converge at `x`: then it is at least
+            1.
         felt: state of the whole skin under the disc; None if the matcher has no observer of the skin.
         stress_error: error of the whole stress, relative to the target's. The matcher leaves it 0; `Follower` sets it.
     """
@@ -114,7 +115,8 @@ class StressMatcher:
 
     Args:
         device: the mechanism. contact: disc and skin, for the friction update.
-        observation: the quantity compared; for linear skin it may be a matrix that maps forces to it, shape (k, 3 m).
+        observation: an `Observer`, which computes the compared quantity from the skin's state. For linear skin a matrix
+            is enough; it maps forces on the pad's nodes to the quantity, shape (k, 3 m).
         model: forward model of the search; None uses the contact itself.
         change: largest change of a joint from frame to frame [rad or m]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
@@ -165,7 +167,7 @@ class StressMatcher:
         self._foreseen = FORESEEN
         # At a new contact several poses of the disc are tried. A stronger target (see `onset`) compares them only if
         # two conditions hold. The device must have three freedoms: a disc with more can change its pose later. The
-        # stimulus must have more than three components: several poses have the same total force.
+        # stimulus must have more than three components: with three it is the total force, which several poses share.
         sided = device.freedoms == 3 < self.model.size
         self._usual = AHEAD * float(np.median(self.table.strength)) if sided else 0.0
         self.reset()

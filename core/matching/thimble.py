@@ -4,8 +4,8 @@ The device is a thimble with three servos, or a platform on six legs that is mat
 
 One operator maps forces on the mesh's nodes to stress descriptors. It is applied to the target and to the device, so
 its discretisation error is the same on both sides. The contact is discretised in the same way on both sides, too: if
-the virtual touch is solved on points of the smooth skin, so is the contact of the disc. Both are converted to forces on
-the nodes with the same sum and moment.
+the virtual touch is solved on points of the smooth skin, so is the contact of the disc. Each is converted to forces on
+the nodes. The conversion keeps the sum of the forces; on linear skin it keeps their moment, too.
 """
 
 from __future__ import annotations

@@ -7,9 +7,9 @@ Which side a point is on:
 * A closed mesh of solids that run through each other, such as balls that were joined, is their union: the smallest of
   their gaps counts, and walls inside are not felt.
 * At a closed mesh that runs through itself in another way, or has folded faces, rays count how often it winds round the
-  point. If more than two faces share an edge, rays tell the side as well; likewise if faces disagree about the outside,
-  or if two sheets touch in a single point. The distance is still that to the closest triangle, even if this triangle
-  lies inside.
+  point. Rays also tell the side in three other cases: more than two faces share an edge, faces disagree about the
+  outside, or two sheets touch in a single point. The distance is still that to the closest triangle, even if this
+  triangle lies inside.
 * At an open mesh (a plane, a cup of one layer) the gap is negative behind the faces. A queried point lies
   beside the sheet if its closest point is on the rim and it is not straight above or below that closest point. It
   then counts as outside, and its gap is positive.
@@ -294,7 +294,7 @@ class Surface:
 
     @cached_property
     def pieces(self) -> Indices:
-        """Which piece without a crease each triangle belongs to, shape (T,)."""
+        """Number of each triangle's piece, shape (T,). Creases lie between pieces."""
         return pieces(self.table, self.topology)
 
     @cached_property

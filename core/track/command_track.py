@@ -18,7 +18,7 @@ from .limiter import DIGITS, SLEW_SLACK, Limiter
 
 # Kinds of limiting: severity and text of their findings.
 LIMITED: dict[str, tuple[Severity, str]] = {
-    "not_finite": ("error", "samples that were not finite numbers were held at the last good value"),
+    "not_finite": ("error", "samples were not finite numbers: the last finite value was used, at the start rest"),
     "range": ("warning", "samples were limited to the channel's range"),
     "disc": ("warning", "samples were pulled back to the rim of the round range"),
     "slew": ("warning", "samples were limited to the channel's largest speed"),

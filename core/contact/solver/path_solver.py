@@ -72,8 +72,10 @@ class PathSolver:
         law: the skin's nonlinear law, which corrects the displacement of linear skin; None for linear skin.
 
     Attributes:
-        counters: how many frames were 'solved', 'unchanged', 'same', 'idle' and 'held' (see `adopt`); 'unconverged' and
-            'deep' ones; 'parts' of frames that `SubStepper` divided.
+        counters: number of frames of each kind. 'solved': sweeps ran. 'unchanged': the last forces satisfied the laws
+            in the new frame. 'same': no body moved and no point slid. 'idle': nothing was near. 'held': see `adopt`.
+            'unconverged' and 'deep' count doubtful frames. 'parts' counts solved parts of frames that `SubStepper`
+            divided.
         frames: number of frames so far.
 
     Raises:

@@ -146,7 +146,7 @@ class Maestro(Adapter):
     def forget(self) -> None:
         """Send every position with the next command, changed or not.
 
-        Missing answers are counted from zero again, because a full link delays them.
+        A full link delays answers, so the count of missing answers starts again at 0.
         """
         self._sent[:], self._misses = -1, 0
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import bpy
 from mathutils import Matrix
 
-from . import changes, fingertip_mesh
+from . import changes, compat, fingertip_mesh
 from ._core import DermisError, core
 from .devices import active_presets
 from .placing import presses, surfaces
@@ -104,7 +104,15 @@ def mend(context: bpy.types.Context, code: str, name: str) -> None:
         spot = _skin_near(obj, context.view_layer, context.evaluated_depsgraph_get())
         if spot is None:
             raise DermisError("its hand shows no skin", where=f"finger '{name}'")
+        if spot.normal.dot(obj.matrix_world.to_3x3().col[2]) > 0.0:
+            raise DermisError(
+                "the nearest skin faces the nail's side",
+                where=f"finger '{name}'",
+                remedy="Move the finger onto its pad by hand, or attach fingers to the hand again",
+            )
         obj.matrix_world = Matrix.Translation(spot.point - obj.matrix_world.translation) @ obj.matrix_world
+        if "location" in compat.animated_paths(obj):
+            obj.keyframe_insert("location")
     elif code == "inside":
         into_open(context, obj)
     elif code == "away":

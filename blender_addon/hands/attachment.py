@@ -16,6 +16,7 @@ from ..preferences import library
 from ..properties import skin_properties
 from ..quantities import metres_per_unit
 from . import armatures
+from .bone_names import LEFT
 from .fingertip_fit import Fit, fit
 from .nails import Nails
 from .rig import Rig, rotation
@@ -221,9 +222,10 @@ def _doubts(rig: Rig, hand: Hand, found: Nails, tips: Sequence[Tip], fits: Seque
             "Check that the nails lie on the back of the hand, or switch Flip on",
         )
     elif hand.side and hand.side != found.side:
+        side = "left" if hand.side == LEFT else "right"
         doubt(
             "hand-other-side",
-            f"the bones are called {hand.side}, but they lie and bend as those of the other hand",
+            f"the hand is read as a {side} hand, but its bones lie and bend as those of the other hand",
             "Check the side of the hand",
         )
     scales = sorted((fitted.scale for fitted in fits), key=lambda scale: abs(np.log(scale)))

@@ -152,7 +152,7 @@ def _of_parts(context: bpy.types.Context, parts: tuple[bpy.types.Object, ...]) -
     places, bones, body = armatures.bones_of_parts(parts)
     skin = own_skin(parts, body, context)
     carried = ((part.name, child) for part in parts for child in part.children)
-    there = {name: child.name for name, child in carried if child.dermis.role == "FINGER"}
+    there = {body.get(name, name): child.name for name, child in carried if child.dermis.role == "FINGER"}
     return Rig(parts, places, bones, skin, tuple(found_hands(bones, skin.bones)), there, picked=False)
 
 

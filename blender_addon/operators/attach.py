@@ -196,8 +196,9 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             side = next(iter(sides)) if hung.picked or RIGHT not in sides else RIGHT
             return {side: sides[side]}
         only = next(iter(sides.values()))
-        if self.hand not in sides and len(sides) == 1 and not only.side:  # no name says which: the person does
-            return {self.hand: replace(only, side=self.hand)}
+        if self.hand not in sides and len(hung.hands) == 1 and not only.side:  # no name says which: the person does
+            rivals = tuple(replace(rival, side=self.hand) for rival in only.rivals)
+            return {self.hand: replace(only, side=self.hand, rivals=rivals)}
         if self.hand not in sides:
             raise DermisError(
                 f"it has no {SIDES[self.hand]}", where=hung.where, limit=" and ".join(SIDES[side] for side in sides)

@@ -37,7 +37,9 @@ def cast(
     where = f"screen '{screen.name_full}'"
     if target is None:
         raise DermisError(
-            "no mesh was chosen for its relief", where=where, remedy="Choose an object under Screen > Mesh"
+            "no mesh was chosen for its relief",
+            where=where,
+            remedy="Choose an object as Mesh in the panel Touch: Screen",
         )
     evaluated = target.evaluated_get(depsgraph)
     with meshes.EvaluatedMesh(evaluated) as mesh:

@@ -124,9 +124,10 @@ def learn(state: SkinState, quantity: str) -> Iterator[None]:
         yield from loading.aside(
             lambda: (operator.strain_matrix, operator.volumetric_matrix, _reading_of(own, model.mesh, surface))
         )
-    pieces, end = _below_of(own, surface).table.learn(state.points.cells), object()
-    while (yield from loading.aside(lambda: next(pieces, end))) is not end:
-        pass
+    table = _below_of(own, surface).table
+    pieces = table.learn(state.points.cells)
+    while table.unknown(state.points.cells):  # a thread is begun only for new places
+        yield from loading.aside(lambda: next(pieces, None))
 
 
 def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn:

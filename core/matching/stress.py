@@ -245,7 +245,7 @@ class StressMatcher:
             self._beyond = found.beyond, found.beyond if before is None else before
         self.x, self.angles = x, self._angles(x)
         made = None if self.direct.observer is None else self.direct.felt(self.direct.observer, solution)
-        astray = 0.0 if solution.settled else 1.0
+        astray = 1.0 if solution.touching and not solution.settled else 0.0
         if found is None:
             return ThimbleFrame(x, self.angles, stimulus, 0.0, solution, None, unsettled=astray, felt=made)
         mismatch = float(np.sqrt(miss @ miss)) / size

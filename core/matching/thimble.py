@@ -339,16 +339,19 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
                 count=rough,
             )
         )
-    astray = found.unsettled > 0.0
+    astray, without = found.unsettled > 0.0, found.unsettled >= 1.0
     if astray.any():
+        rest = found.unsettled[astray & ~without]
+        told = [f"remaining error up to {100 * float(rest.max()):.1f} % of the touch"] if rest.size else []
+        told += [f"no solution of the law at the pose of {int(without.sum())} samples"] if without.any() else []
         out.append(
             Finding(
                 "warning",
                 "law-unsettled",
-                "search and nonlinear law did not converge: the best pose found was kept, and its errors are uncertain",
+                "the nonlinear law did not converge: the best pose found was kept, and its errors are uncertain",
                 where,
-                f"remaining error: {100 * float(found.unsettled.max()):.1f} % of the touch",
-                f"convergence within {MOST_LOOKS} evaluations of the law",
+                "; ".join(told),
+                f"convergence, where poses are searched within {MOST_LOOKS} evaluations of the law",
                 remedy="Use more samples per second, or touch less deeply",
                 count=int(astray.sum()),
             )

@@ -46,11 +46,15 @@ class StressTable:
         self._sides = np.sqrt(cells.areas)
         self._reach = NEAR * float(self._sides[surface.chart.base].max())
 
-    def learn(self, cells: Indices) -> Iterator[None]:
-        """Compute the tables of loaded cells that are not known yet; yields after every few cells."""
+    def unknown(self, cells: Indices) -> list[int]:
+        """Return the cells of level 0, of loaded cells, whose tables are not known yet."""
         parts, _ = self._surface.chart.tiles.squares(cells)
         roots = np.unique(self._surface.chart.tiles.root[parts])
-        new = [root for root in roots.tolist() if root not in self._known]
+        return [root for root in roots.tolist() if root not in self._known]
+
+    def learn(self, cells: Indices) -> Iterator[None]:
+        """Compute the tables of loaded cells that are not known yet; yields after every few cells."""
+        new = self.unknown(cells)
         for start in range(0, len(new), TOGETHER):
             self._learn(new[start : start + TOGETHER])
             yield

@@ -660,6 +660,15 @@ def test_a_person_says_the_side_that_no_name_says(side: str) -> None:
     for finger, obj in fingers().items():
         if finger != "thumb":
             assert up * obj.matrix_world.col[2].z > 0.98, finger
+    (hand_found,) = read(bpy.context).hands
+    for number in range(2, len(hand_found.readings) + 1):
+        for obj in fingers().values():
+            bpy.data.objects.remove(obj)
+        bpy.ops.object.select_all(action="SELECT")
+        bpy.context.view_layer.objects.active = next(o for o in bpy.data.objects if o.type == "ARMATURE")
+        assert bpy.ops.dermis.attach_fingers("EXEC_DEFAULT", True, hand=side, reading=number) == {"FINISHED"}
+        assert {o.name.partition(".")[2] for o in fingers().values()} == {side}, number
+    assert len(hand_found.readings) > 1
 
 
 def test_parts_that_are_no_hand_are_refused() -> None:

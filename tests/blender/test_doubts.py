@@ -272,6 +272,19 @@ def test_a_pad_off_the_skin_of_its_hand_is_doubted_and_put_there() -> None:
     mend("pad-off-skin")
     assert (ring.matrix_world.translation - on_skin.translation).length < 0.5e-3
     assert ring.matrix_world.to_quaternion().rotation_difference(on_skin.to_quaternion()).angle < 1e-3
+    ring.keyframe_insert("location", frame=1)
+    ring.matrix_world = Matrix.Translation(-4e-3 * on_skin.col[2].to_3d()) @ on_skin
+    mend("pad-off-skin")
+    bpy.context.scene.frame_set(1)
+    assert found() == {}, "its key is of the place on the skin"
+    ring.animation_data_clear()
+    kept = ring.matrix_world.copy()
+    thick = skin_properties.lengths(ring.dermis.finger.skin)["thickness"]
+    ring.matrix_world = Matrix.Translation(1.2 * thick * kept.col[2].to_3d()) @ kept
+    with pytest.raises(RuntimeError, match=r"the nearest skin faces the nail's side.*attach fingers to the hand again"):
+        bpy.ops.dermis.mend(code="pad-off-skin", name=found()["pad-off-skin"])
+    ring.matrix_world = kept
+    assert found() == {}
     rig.pose.bones[ring.parent_bone].rotation_mode = "XYZ"
     rig.pose.bones[ring.parent_bone].rotation_euler = (0.8, 0.0, 0.0)
     assert found() == {}  # it follows the pose as the skin does

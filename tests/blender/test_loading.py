@@ -17,7 +17,7 @@ from blender_addon._core import DermisError, core
 from blender_addon.demos import demo_motors, demo_thimble
 from blender_addon.devices import skin_models, thimble_devices
 from blender_addon.preview import device_preview, platform_preview, skin_preview
-from blender_addon.viewport import device_cards, shown, slices
+from blender_addon.viewport import device_cards, shown, skin_field, slices
 
 MOST = 120.0  # [s] that tests wait
 
@@ -43,6 +43,7 @@ def forget() -> None:
     for kept in device_preview.FOLLOWERS:
         kept.reset()
     thimble_devices.forget()
+    skin_field._kits.clear()
     shown.forget()
 
 
@@ -236,7 +237,9 @@ def test_a_jump_is_solved_aside_and_who_leaves_it_finds_everything_as_it_was(win
         patch.setattr(core.skin.stress_table.StressTable, "_learn", learn)
         scene.frame_set(50)
         shown.on_frame(scene)
+        end = time.monotonic() + MOST
         while not begun.is_set():
+            assert time.monotonic() < end, "nothing begins"
             shown._slices._on_timer()
         for _ in range(5):
             started = time.perf_counter()
@@ -251,4 +254,12 @@ def test_a_jump_is_solved_aside_and_who_leaves_it_finds_everything_as_it_was(win
     forget()
     work(lambda: rows() and shown.now(scene).frame == 40.0)
     again = [state.force for state in skin_preview.own(scene)], rows()[0].values
+
+    def refused(_work) -> None:
+        raise AssertionError("nothing is new: no thread is begun")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(loading, "aside", refused)
+        for state in shown.now(scene).skins.states:
+            assert not list(skin_field.learn(state, scene.dermis.skin_view.quantity))
     assert all(np.array_equal(a, b) for a, b in zip(found[0], again[0], strict=True)) and found[1] == again[1]

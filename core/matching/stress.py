@@ -157,7 +157,7 @@ class StressMatcher:
         self.model: ForwardModel = self.direct if model is None else model
         if self.model.size != self.direct.size:
             raise DermisError(
-                "model and observation matrix have different components",
+                "model and observation have different numbers of components",
                 where="thimble",
                 value=f"{self.model.size} and {self.direct.size}",
             )

@@ -168,7 +168,7 @@ def test_the_table_of_boards_in_silence_is_the_adapters_declaration(name: str) -
 
 
 def test_the_table_of_what_follows_has_a_column_a_board_and_is_whole() -> None:
-    block = re.search(r"### What follows on each board\n((?:\|.*\n)+)", PAGE)
+    block = re.search(r"### Consequences by board\n((?:\|.*\n)+)", PAGE)
     assert block is not None
     rows = [[cell.strip() for cell in line.strip("|\n").split("|")] for line in block[1].splitlines()]
     named = {name for cell in rows[0] for name in re.findall(r"`([a-z-]+)`", cell)}

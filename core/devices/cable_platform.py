@@ -1,12 +1,14 @@
-"""Cable platform: a disc under the pad, pulled to the finger by three cables and pushed off it by springs around them.
+"""Cable platform: a disc under the pad on three cables and springs.
 
-The servos stand above the nail and wind the cables on pulleys, so a command is three pulley angles; zero is the
-reference configuration, where the springs hold the platform away from the fingertip. The pose is a static equilibrium:
-cables pull or hang slack but never push, springs press along their axis and resist being bent aside, and the skin
-pushes back. The platform's weight (a few grams) is left out.
+The cables pull the disc to the finger, and the springs around them push it away. The servos stand above the nail and
+wind the cables on pulleys, so a command is three pulley angles. All are zero in the reference configuration, in which
+the springs hold the platform away from the fingertip.
 
-In the finger's frame the base joints stand above the nail; the platform's frame is parallel to the finger's in the
-reference configuration, its face looks along +Z.
+The pose is a static equilibrium. Cables pull or hang slack, but never push. Springs press along their axis and resist
+sideways bending. The skin pushes back. The platform's weight (a few grams) is left out.
+
+In the finger's frame the base joints are above the nail. In the reference configuration the platform's frame is
+parallel to the finger's. The normal of the platform's face is +Z.
 
 Source: [S2] II and Fig. 1; [S2] corrections (tensions >= 0, springs, contact)
 """
@@ -23,20 +25,21 @@ from .poses import Poses, crossing, inverted, limited
 from .spec import DeviceSpec
 
 NEWTON_STEPS = 40
-BALANCE = 1e-6  # [N], and over the platform's radius for moments: a pose this near to balance is one
+# [N] A pose is in balance if its forces, and its moments divided by the disc's radius, are at most this.
+BALANCE = 1e-6
 MOTORS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class CablePlatform:
-    """The mechanism.
+    """Mechanism of a cable platform.
 
     Attributes:
         disc_radius: radius of the face that touches the skin [m].
-        joints: where the cables hold the platform, in its frame [m], shape (3, 3).
-        base: where they leave the base, in the finger's frame [m], shape (3, 3).
+        joints: ends of the cables on the platform, in its frame [m], shape (3, 3).
+        base: points where the cables leave the base, in the finger's frame [m], shape (3, 3).
         height: Z of the platform's face in the reference configuration [m], negative since it is below the pad.
-        pulley: radius [m].
+        pulley: radius of a pulley [m].
         spring: axial stiffness of a spring [N/m].
         bending: sideways stiffness of a spring [N/m].
         free_length: free length of a spring [m].
@@ -74,18 +77,22 @@ class CablePlatform:
         return Poses(np.tile(np.eye(3), (count, 1, 1)), np.tile([0.0, 0.0, self.height], (count, 1)))
 
     def lengths(self, commands: Array) -> Array:
-        """Return cable lengths [m] for pulley angles [rad], shape (n, 3)."""
+        """Return the lengths of the unstretched cables [m] for pulley angles [rad], shape (n, 3)."""
         return self.rest_lengths - self.pulley * np.asarray(commands, np.float64)
 
     def commands(self, poses: Poses) -> Array:
-        """Return pulley angles [rad] that make the cables just straight at poses, shape (n, 3): inverse kinematics."""
+        """Return pulley angles at poses by inverse kinematics [rad], shape (n, 3).
+
+        The cables are then just straight, without tension.
+        """
         arms = poses.centre[:, None] + self.joints @ poses.rotation.transpose(0, 2, 1) - self.base
         return (self.rest_lengths - np.linalg.norm(arms, axis=2)) / self.pulley
 
     def carry(self, commands: Array, start: Poses) -> Poses:
-        """Return the static equilibrium without load; see `press.Carrier`.
+        """Return the static equilibrium without load; see `press_problem.Carrier`.
 
-        The springs' preload keeps all cables taut then, so they are taken as rods; `give` lets them hang slack.
+        Without load the springs' preload keeps all cables taut, so a cable counts as a rod, which may also push. In
+        `give` a cable may hang slack, unless `first` is true.
         """
         lengths = self.lengths(commands)
         poses = start
@@ -106,7 +113,7 @@ class CablePlatform:
         return Poses(rotation, centre)
 
     def give(self, commands: Array, poses: Poses, *, first: bool) -> tuple[Array, Array]:
-        """Return force and moment of cables and springs, and their compliance; see `press.Carrier`."""
+        """Return force and moment of cables and springs, and compliance; see `Carrier`."""
         wrench, stiffness = self._balance(poses, self.lengths(commands), taut=first)
         symmetric = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
         return wrench, inverted(symmetric)
@@ -117,7 +124,17 @@ class CablePlatform:
         return self.cable * np.maximum(np.linalg.norm(arms, axis=2) - self.lengths(commands), 0.0)
 
     def _balance(self, poses: Poses, lengths: Array, *, taut: bool = False) -> tuple[Array, Array]:
-        """Return force and moment of springs and cables about the finger's origin, (n, 6), and their stiffness."""
+        """Return force and moment of springs and cables, and their stiffness.
+
+        Args:
+            poses: poses of the platform.
+            lengths: lengths of the unstretched cables [m], shape (n, 3).
+            taut: whether cables count as rods, which never hang slack.
+
+        Returns:
+            Force [N] and moment about the finger's origin [N m] on the platform, shape (n, 6). Stiffness: their
+            decrease for a unit movement (shift, turn), shape (n, 6, 6).
+        """
         at = poses.centre[:, None] + self.joints @ poses.rotation.transpose(0, 2, 1)
         arms = at - self.base
         length = np.sqrt((arms**2).sum(axis=2))
@@ -138,7 +155,7 @@ class CablePlatform:
         lever = crossing(at)
         wrench = np.concatenate([force.sum(axis=1), np.cross(at, force).sum(axis=1)], axis=1)
         stiffness = np.empty((len(at), 6, 6))
-        moved = k @ lever  # force for a turn, with the sign of -(k (w x r)) = k [r] w
+        moved = k @ lever  # force for a turn w, since -(k (w x r)) = k [r] w
         turned = lever @ k
         pushed = crossing(force)
         stiffness[:, :3, :3] = k.sum(axis=1)
@@ -152,7 +169,7 @@ def mechanism(spec: DeviceSpec) -> CablePlatform:
     """Read the mechanism of a preset.
 
     Raises:
-        DermisError: a missing parameter, one that is not above zero, or joints that do not make a triangle.
+        DermisError: a parameter is missing or not above zero, or the joints do not surround the middle.
     """
     where = f"device preset '{spec.key}'"
     radius, base_radius, disc, drop, base_height, pulley, spring, bending, preload, cable, limit = (
@@ -185,7 +202,8 @@ def joint_angles(spec: DeviceSpec, name: str) -> Array:
     """Return the angles of joints around the pad's normal [rad], from +X to +Y, shape (n,).
 
     Raises:
-        DermisError: another number of them, two alike, or all on one side of a line through the middle.
+        DermisError: the preset has not as many angles as the kind of device needs, two are equal, or two neighbours
+            are 180 degrees or more apart.
     """
     value = spec.value(name)
     angles = np.sort(np.mod(np.asarray(value, np.float64), 2 * np.pi))

@@ -1,9 +1,9 @@
-"""How one built device differs from its preset: zero, gain, limits, curve and frequency response of each actuator.
+"""Calibration: zero, gain, limits and measured responses of one built device.
 
     driven = inverse curve of (zero + gain * commanded), then held within low and high
 
-A calibration belongs to one built device; presets belong to everyone. So it is a file of its own, which says whose it
-is: by the name that a person gave the device, and by its serial number where it has one.
+A preset describes all devices of one design; a calibration describes one built device. It is a file of its own, with
+the name that a person gave the device, and with the device's serial number if it has one.
 """
 
 from __future__ import annotations
@@ -27,23 +27,24 @@ from .response import Response
 from .spec import DeviceSpec
 
 SCHEMA = "dermis-calibration 4"
-# The first knew neither name nor serial, the first two no curves, all three no frequency response.
+# Version 1 has neither name nor serial number. Versions 1 and 2 have no curves, versions 1 to 3 no frequency response.
 _OLDER = ("dermis-calibration 1", "dermis-calibration 2", "dermis-calibration 3")
 _OWNER = ("name", "serial")
-_LONGEST = 100  # of a name or serial [characters]
+_LONGEST = 100  # [characters] longest name and serial number
 _NUMBERS = ("zero", "gain", "low", "high")
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One actuator.
+    """Calibration of one actuator.
 
     Attributes:
-        zero: driven value for a command of 0 [unit of the channel].
-        gain: driven change for a commanded change [1]; negative where it is mounted the other way round.
-        low, high: limits of driven and reached values [unit]; None: the preset's own limits.
-        response: curve from driven to reached values, where that was measured.
-        frequency: how it answers vibration, where that was measured.
+        zero: value for a command of 0 [unit of the channel].
+        gain: change of the value for a change of the command [1]; negative if the actuator is mounted the other way
+            round.
+        low, high: limits of driven and reached values [unit]; None for the preset's limits.
+        response: measured curve from driven to reached values; None if it was not measured.
+        frequency: measured frequency response; None if it was not measured.
     """
 
     zero: float = 0.0
@@ -56,14 +57,14 @@ class Entry:
 
 @dataclass(frozen=True)
 class Calibration:
-    """All actuators of one device.
+    """Calibration of all actuators of one device.
 
     Attributes:
-        device: the preset's key.
-        spec_hash: hash of the preset that the calibration was made with.
-        entries: by channel name; a channel that has none is driven as commanded.
+        device: key of the preset.
+        spec_hash: hash of the preset with which the calibration was made.
+        entries: entries by channel name; a channel without an entry is driven as commanded.
         name: name of the built device, chosen by a person.
-        serial: serial number from its answer, or the number of its USB port; '' where it has none.
+        serial: serial number that the device reports, or the number of its USB port; '' if it has none.
     """
 
     device: str
@@ -81,14 +82,15 @@ class Calibration:
         """Return a calibration with some parts of a channel's `Entry` replaced.
 
         Raises:
-            DermisError: a number that is not finite, a gain of zero, or low above high.
+            DermisError: a number is not finite, the gain is zero, low is above high, or a curve with a latency is
+                beside a frequency response.
         """
         entry = replace(self.entries.get(channel, Entry()), **parts)
         _check(entry, f"calibration, {channel}")
         return replace(self, entries={**self.entries, channel: entry})
 
     def without_curves(self) -> Calibration:
-        """Return the calibration without measured curves: zero and gain alone tell the driven value."""
+        """Return the calibration without measured curves and frequency responses."""
         bare = {name: replace(entry, response=None, frequency=None) for name, entry in self.entries.items()}
         return replace(self, entries=bare)
 
@@ -96,7 +98,7 @@ class Calibration:
         """Return the calibration as that of one built device.
 
         Raises:
-            DermisError: a name or serial that is too long, or has characters that cannot be seen.
+            DermisError: a name or serial number is too long, is not printable, or begins or ends with a space.
         """
         for what, text in (("name", name), ("serial", serial)):
             _check_text(text, f"calibration, {what}")
@@ -105,10 +107,11 @@ class Calibration:
     def for_spec(self, spec: DeviceSpec) -> tuple[NDArray[np.float64], ...]:
         """Return zero, gain, low and high for every channel of a device, each of shape (channels,).
 
-        The limits are the tighter ones of preset and calibration.
+        A limit is the narrower one of preset and calibration; infinite if neither has one.
 
         Raises:
-            DermisError: made for another device, a channel that it does not have, or limits that leave nothing.
+            DermisError: the calibration is of another device, names a channel that the device does not have, or its
+                limits do not overlap those of the preset.
         """
         where = f"calibration of '{self.device}'"
         if self.device != spec.key:
@@ -133,7 +136,12 @@ class Calibration:
         return tuple(table.T.copy())
 
     def findings(self, spec: DeviceSpec, today: date) -> tuple[Finding, ...]:
-        """Return findings for a person, before it is used with a device on a day."""
+        """Return findings to show before the calibration is used.
+
+        Args:
+            spec: preset of the device.
+            today: the present day, for the age of measurements.
+        """
         found = [*self._changed_preset(spec)]
         for name, entry in self.entries.items():
             where = f"calibration of '{self.name or self.device}', {name}"
@@ -169,7 +177,7 @@ class Calibration:
         return ()
 
     def dumps(self) -> str:
-        """Return the calibration as JSON; equal ones give equal text."""
+        """Return the calibration as JSON text; equal calibrations give equal text."""
         plain = {
             "schema": SCHEMA,
             "name": self.name,
@@ -181,7 +189,7 @@ class Calibration:
         return json.dumps(plain, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
     def save(self, path: Path) -> None:
-        """Write the file, whole or not at all.
+        """Write the calibration to a file, whole or not at all.
 
         Raises:
             DermisError: the file cannot be written.
@@ -193,16 +201,20 @@ class Calibration:
         """Read a calibration that `save` wrote.
 
         Raises:
-            DermisError: missing, damaged, or of another version.
+            DermisError: the file is missing, damaged, or of another version.
         """
         return cls.loads(read_text(path), where=str(path))
 
     @classmethod
     def loads(cls, text: str, *, where: str = "calibration") -> Calibration:
-        """Read a calibration from JSON text, of this version or one before.
+        """Read a calibration from JSON text of this version or an older one.
+
+        Args:
+            text: the text.
+            where: source that errors name.
 
         Raises:
-            DermisError: not one of these versions, or a number or text that cannot be.
+            DermisError: the text is of another version, or a field is missing, unknown or invalid.
         """
         plain = json_of(text, where)
         if not isinstance(plain, dict) or plain.get("schema") not in (SCHEMA, *_OLDER):
@@ -240,7 +252,7 @@ def _plain(entry: Entry) -> dict[str, Any]:
 
 
 def _outdated(measured: Response | FrequencyResponse, where: str, today: date) -> list[Finding]:
-    """Find a measurement that is older than it may be, or of a day to come."""
+    """Return a finding if a measurement has expired or is dated in the future."""
     age = measured.age(today)
     if age is None or (0 <= age and not 0 < measured.valid_days < age):
         return []
@@ -272,7 +284,7 @@ def _check(entry: Entry, where: str) -> None:
         value = getattr(entry, name)
         if value is None and name in ("low", "high"):
             continue
-        # bool is an int, and 10**400 is an int that is no float
+        # bool is a subclass of int, and 10**400 is an int that no float can hold
         if type(value) not in (int, float) or not abs(value) < 1e12:
             raise DermisError(f"'{name}' is not a finite number", where=where, value=str(value)[:80])
     if entry.gain == 0:

@@ -45,10 +45,10 @@ class Coupling:
 
 
 def coupling_of(spec: DeviceSpec) -> Coupling | None:
-    """Return the coupling of a preset made by `design`; None where each motor drives itself.
+    """Return the coupling of a preset that `design` made; None for other presets.
 
     Raises:
-        DermisError: a matrix that does not fit the motors, or that has fewer independent columns than motors.
+        DermisError: the matrix does not fit the motors, or has fewer independent columns than there are new motors.
     """
     p, where = spec.parameters, f"device preset '{spec.key}'"
     if "coupling" not in p:
@@ -73,10 +73,12 @@ def coupling_of(spec: DeviceSpec) -> Coupling | None:
 
 
 def refuse_coupled(spec: DeviceSpec) -> None:
-    """Refuse a device whose motors are coupled already: its couplings are an answer, not where to look for one.
+    """Refuse a device whose motors are coupled already.
+
+    Couplings are searched for the original device.
 
     Raises:
-        DermisError: it has a coupling.
+        DermisError: the device has a coupling.
     """
     if "coupling" in spec.parameters:
         raise DermisError(

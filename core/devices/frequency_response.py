@@ -1,9 +1,11 @@
-"""How one actuator of a built device answers vibration: measured gain and phase by frequency, inverted for tracks.
+"""Frequency response of one actuator: measured gain and phase, inverted for tracks.
 
 At frequency f the actuator reaches `gain(f)` times its driven value, and lags by `-phase(f)`. The gain is relative
-to slow movement, which zero, gain and measured curve describe, so it is 1 at 0 Hz. Between measured frequencies the
-logarithm of the gain and the phase are straight lines. A track is known beforehand, so its spectrum can be divided by
-the response; a live command has no future, and stays as it is.
+to slow movement, so it is 1 at 0 Hz. Slow movement itself is described by the other parts of `calibration.Entry`: zero,
+gain and measured curve. The logarithm of the gain, and the phase, are linear between measured frequencies.
+
+The whole of a track is known beforehand, so its spectrum can be divided by the response. The future of a live command
+is not known, so live commands are not changed.
 """
 
 from __future__ import annotations
@@ -32,14 +34,18 @@ Points = tuple[tuple[float, float, float], ...]  # frequency [Hz], gain [1], pha
 FIELDS = ("points", "measured_on", "valid_days")
 MOST_POINTS = 1000
 WHERE = "frequency response"
-# The inverse multiplies the driven value, and every error of a reading, by 1 / gain: smaller gains are refused.
+# Smallest and largest gain that is accepted. The inverse multiplies the driven value, and each error of a reading, by
+# 1 / gain.
 LEAST_GAIN, MOST_GAIN = 0.1, 10.0
-# A phase is known but for whole turns. Neighbours that are further apart may be of two turns.
+# [rad] Largest change of phase from one measured frequency to the next. Phases are known except for whole turns, so a
+# larger change may lack a turn.
 TURN = 0.5 * math.pi
-# Share of a channel's movement (RMS) that may lie beyond the measured frequencies. It is driven as at the last one: a
-# gain that is wrong by its whole amount there changes the movement by no more than this.
+# Largest share of a channel's movement (RMS) beyond the last measured frequency. There the response of that frequency
+# is used. Even if its gain is wrong by the whole amount, the movement changes by no more than this share.
 BEYOND = 0.05
-SHORTEST_PAD, LONGEST_PAD = 1.0, 10.0  # [s] of rest that is put after a track, so that its end does not reach its start
+# [s] Shortest and longest duration of each of the three parts that `_padded` appends to a track, so that the end of the
+# track does not act on its start.
+SHORTEST_PAD, LONGEST_PAD = 1.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -47,11 +53,12 @@ class FrequencyResponse:
     """Gain and phase of one actuator at each frequency.
 
     Attributes:
-        points: (frequency [Hz], gain [1], phase [rad]), rising in frequency. The phase is negative where it lags.
-        measured_on: day, such as '2026-11-27'; '' where nobody says. valid_days: how long it may be used; 0: for ever.
+        points: points (frequency [Hz], gain [1], phase [rad]) of rising frequency. A negative phase is a lag.
+        measured_on: day of the measurement, such as '2026-11-27'; '' if it is not known.
+        valid_days: number of days for which the measurement may be used; 0 for no limit.
 
     Raises:
-        DermisError: points that are no response of an actuator, or cannot be inverted; says which.
+        DermisError: the points are no response of an actuator or cannot be inverted, or the day is invalid.
     """
 
     points: Points
@@ -64,10 +71,10 @@ class FrequencyResponse:
 
     @classmethod
     def of(cls, plain: Mapping[str, Any]) -> FrequencyResponse:
-        """Read a response that `plain` gave.
+        """Read a response from the values that `plain` returned.
 
         Raises:
-            DermisError: fields missing or unknown, or no response of an actuator.
+            DermisError: a field is missing or unknown, or the points are no response of an actuator.
         """
         if not isinstance(plain, dict) or set(plain) != set(FIELDS):
             raise DermisError("fields missing or unknown", where=WHERE, limit=", ".join(FIELDS))
@@ -78,24 +85,24 @@ class FrequencyResponse:
 
     @classmethod
     def loads(cls, text: str, *, where: str = WHERE) -> FrequencyResponse:
-        """Read a response that `dumps` gave.
+        """Read a response from the text that `dumps` returned.
 
         Raises:
-            DermisError: no JSON, or no response of an actuator.
+            DermisError: the text is not JSON, or is no response of an actuator.
         """
         return cls.of(json_of(text, where))
 
     def dumps(self) -> str:
-        """Return it as JSON; equal ones give equal text."""
+        """Return the response as JSON text; equal responses give equal text."""
         return json.dumps(self.plain(), allow_nan=False)
 
     def plain(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the response as JSON values."""
         return {**{name: getattr(self, name) for name in FIELDS}, "points": [list(point) for point in self.points]}
 
     @property
     def span(self) -> tuple[float, float]:
-        """Least and greatest frequency that was measured [Hz]."""
+        """Lowest and highest measured frequency [Hz]."""
         return self.points[0][0], self.points[-1][0]
 
     @property
@@ -105,19 +112,23 @@ class FrequencyResponse:
         return hertz, gain
 
     def age(self, today: Any) -> int | None:
-        """Return how many days ago it was measured; None where nobody says."""
+        """Return the number of days since the measurement; None if its day is unknown."""
         return age_of(self.measured_on, today)
 
     def at(self, hertz: Array) -> NDArray[np.complex128]:
-        """Return gain and phase as complex numbers; beyond the last measured frequency, those of that one."""
+        """Return the complex response at frequencies [Hz].
+
+        Beyond the last measured frequency it is the response at that frequency.
+        """
         grid, gain, phase = self._lines
         return gain_between(hertz, grid, gain) * np.exp(1j * np.interp(hertz, grid, phase))
 
     def beyond(self, values: Array, rate: float) -> float:
-        """Return the share of a movement (RMS) that lies beyond the last measured frequency.
+        """Return the share of a movement (RMS) beyond the last measured frequency.
 
         Args:
-            values: shape (n,), evenly spaced. rate: [Hz].
+            values: values of the movement at equal steps of time, shape (n,).
+            rate: values per second [Hz].
         """
         padded = self._padded(values, rate)
         power = np.abs(np.fft.rfft(padded - padded.mean())) ** 2
@@ -126,11 +137,12 @@ class FrequencyResponse:
         return math.sqrt(float(power[past].sum()) / whole) if whole > 0.0 else 0.0
 
     def inverted(self, values: Array, rate: float, late: float = 0.0) -> Array:
-        """Return the values to drive so that the actuator reaches a movement.
+        """Return the values to drive so that the actuator makes a movement.
 
         Args:
-            values: shape (n,), evenly spaced; before and after them they hold still. rate: [Hz].
-            late: how much later it is to be reached [s].
+            values: values of the movement at equal steps of time, shape (n,). The actuator is at rest before and after.
+            rate: values per second [Hz].
+            late: delay that the movement shall have [s].
         """
         if len(values) < 2 or not np.ptp(values) > 0.0:
             return values
@@ -141,12 +153,18 @@ class FrequencyResponse:
 
     @cached_property
     def _lines(self) -> tuple[Array, Array, Array]:
-        """Frequencies [Hz], logarithm of the gain, and phase without jumps of whole turns, from 0 Hz on."""
+        """Frequencies from 0 Hz on, logarithms of the gain, and phases [rad].
+
+        The phases have no jumps by whole turns.
+        """
         table = np.array(((0.0, 1.0, 0.0), *self.points))
         return table[:, 0], np.log(table[:, 1]), np.unwrap(table[:, 2])
 
     def _padded(self, values: Array, rate: float) -> Array:
-        """Return a movement that goes back from its end to its start slowly: an inverse must not meet a step there."""
+        """Return a movement that is followed by a slow return to its start.
+
+        The Fourier transform joins the end of a movement to its start. A step there would disturb the inverse.
+        """
         finest = float(np.diff(self._lines[0]).min())
         count = math.ceil(min(max(SHORTEST_PAD, 1.0 / finest), LONGEST_PAD) * rate)
         back = 0.5 + 0.5 * np.cos(np.pi * np.arange(1, count + 1) / (count + 1))
@@ -155,13 +173,14 @@ class FrequencyResponse:
 
 
 def of_text(text: str, **more: Any) -> FrequencyResponse:
-    """Read a response as a person types it: '20 1.0 -5; 50 1.1 -20; ...', frequency [Hz], gain and phase [degrees].
+    """Read a response from text such as '20 1.0 -5; 50 1.1 -20'.
 
     Args:
+        text: frequency [Hz], gain and phase [degrees] of each point, with semicolons between points.
         more: the other attributes of `FrequencyResponse`: measured_on and valid_days.
 
     Raises:
-        DermisError: no triples of numbers, or no response of an actuator.
+        DermisError: a point is not three numbers, or the points are no response of an actuator.
     """
     rows = [row.replace(":", " ").split() for row in text.split(";") if row.strip()]
     try:
@@ -177,12 +196,17 @@ def of_text(text: str, **more: Any) -> FrequencyResponse:
 
 
 def read_csv(path: Path, **more: Any) -> FrequencyResponse:
-    """Read columns 'frequency [Hz]', 'gain' (or 'gain [dB]') and 'phase [deg]' (or 'phase [rad]'), in any order.
+    """Read a response from a CSV file.
 
-    A gain without a unit is a ratio; a phase has to say its unit.
+    The columns are 'frequency [Hz]', 'gain' (or 'gain [dB]') and 'phase [deg]' (or 'phase [rad]'), in any order. A gain
+    without a unit is a ratio. The name of the phase must have a unit.
+
+    Args:
+        path: path of the file.
+        more: as in `of_text`.
 
     Raises:
-        DermisError: the file cannot be read, has no such columns, or they are no response of an actuator.
+        DermisError: the file cannot be read, has no such columns, or its points are no response of an actuator.
     """
     rows = read_rows(path)
     columns = {}

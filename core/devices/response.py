@@ -1,9 +1,10 @@
-"""How one actuator of a built device answers: measured curves of its reached over its driven value.
+"""Measured curves of one actuator: its reached value over its driven value.
 
-An actuator with play, or friction in its gear, reaches less on the way up than on the way down, and holds still at
-first where it is turned round. It is taken as a generalized play operator: its reached value lies between both curves,
-and moves only when one of them pushes it (Krasnosel'skii and Pokrovskii, *Systems with Hysteresis*, Springer 1989).
-That is inverted exactly: upwards by the rising curve, downwards by the falling one; where it holds still it is held.
+An actuator with play, or with friction in its gear, reaches less on the way up than on the way down. After a reversal
+it holds still at first. The model is a generalized play operator: the reached value lies between the rising and the
+falling curve, and moves only if one of them pushes it (Krasnosel'skii and Pokrovskii, *Systems with Hysteresis*,
+Springer 1989). Its inverse is exact: the rising curve gives the driven value on the way up, the falling curve on the
+way down. While the wanted value does not change, the driven value does not change.
 """
 
 from __future__ import annotations
@@ -28,15 +29,17 @@ Points = tuple[tuple[float, float], ...]  # driven, reached
 
 FIELDS = ("rising", "falling", "scatter", "latency", "measured_on", "valid_days")
 MOST_POINTS = 1000
-# An error of a reading comes out of the inverse at most this many times as large: flatter parts are refused.
+# Largest ratio of a curve's mean slope to its least slope. The inverse multiplies an error of a reading by 1 / slope.
 STEEPEST = 10.0
-# A built actuator goes as far as its preset says, within this factor: numbers beyond it are of another unit.
+# Largest ratio of the reached to the driven range, and of the driven to the reached range. If it is larger, the values
+# probably have different units.
 FACTOR = 2.0
-# A way back that is shorter [of the reached range] is not followed, so that noise does not make an actuator jump by its
-# play again and again. It is half of the error that an inverse may have.
+# [share of the reached range] Longest reversal that is ignored. Noise would otherwise make an actuator jump by its play
+# again and again. It is half of the error that is allowed for an inverse.
 REVERSAL = 5e-4
-CROSSING = 1e-3  # curves that cross by less [of the reached range], or by less than the scatter, are one there
-LONGEST_LATENCY = 1.0  # [s]
+# [share of the reached range] The falling curve may be below the rising one by this, or by the scatter if it is larger.
+CROSSING = 1e-3
+LONGEST_LATENCY = 1.0  # [s] largest latency that is accepted
 
 
 @dataclass(frozen=True)
@@ -44,14 +47,15 @@ class Response:
     """Measured curves of one actuator.
 
     Attributes:
-        rising, falling: (driven, reached) on the way up and down [unit of the channel], each with both rising. The same
-            where play was not measured.
-        scatter: how far repeated readings are apart at most [unit]; 0 where nothing was repeated.
-        latency: from a command until the actuator answers [s].
-        measured_on: day, such as '2026-11-27'; '' where nobody says. valid_days: how long it may be used; 0: for ever.
+        rising, falling: points (driven, reached) of the way up and of the way down [unit of the channel]. Both values
+            rise from point to point. The two curves are equal if play was not measured.
+        scatter: largest difference between repeated readings [unit]; 0 if none was repeated.
+        latency: delay from a command to the movement [s].
+        measured_on: day of the measurement, such as '2026-11-27'; '' if it is not known.
+        valid_days: number of days for which the measurement may be used; 0 for no limit.
 
     Raises:
-        DermisError: points that are no curve of an actuator; says which.
+        DermisError: the points are no curve of an actuator, or another attribute is invalid.
     """
 
     rising: Points
@@ -81,10 +85,10 @@ class Response:
 
     @classmethod
     def of(cls, plain: Mapping[str, Any]) -> Response:
-        """Read a response that `plain` gave.
+        """Read a response from the values that `plain` returned.
 
         Raises:
-            DermisError: fields missing or unknown, or no curve of an actuator.
+            DermisError: a field is missing or unknown, or the points are no curve of an actuator.
         """
         if not isinstance(plain, dict) or set(plain) != set(FIELDS):
             raise DermisError("fields missing or unknown", where="measured curve", limit=", ".join(FIELDS))
@@ -98,19 +102,19 @@ class Response:
 
     @classmethod
     def loads(cls, text: str, *, where: str = "measured curve") -> Response:
-        """Read a response that `dumps` gave.
+        """Read a response from the text that `dumps` returned.
 
         Raises:
-            DermisError: no JSON, or no curve of an actuator.
+            DermisError: the text is not JSON, or is no curve of an actuator.
         """
         return cls.of(json_of(text, where))
 
     def dumps(self) -> str:
-        """Return it as JSON; equal ones give equal text."""
+        """Return the response as JSON text; equal responses give equal text."""
         return json.dumps(self.plain(), allow_nan=False)
 
     def plain(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the response as JSON values."""
         curves = {name: [list(point) for point in getattr(self, name)] for name in ("rising", "falling")}
         return {**{name: getattr(self, name) for name in FIELDS}, **curves}
 
@@ -124,29 +128,35 @@ class Response:
 
     @cached_property
     def _middle(self) -> _Line:
-        """The middle of both curves: straight between points of either, as both are."""
+        """Mean of both curves, with a point at each point of either."""
         driven = sorted({*self.span, *(point[0] for curve in (self.rising, self.falling) for point in curve)})
         return _Line.of(tuple((value, self.between(value)) for value in driven))
 
     @cached_property
     def span(self) -> tuple[float, float]:
-        """Least and most that was driven [unit]: the answer beyond is unknown, so nothing beyond is driven."""
+        """Smallest and largest driven value that was measured [unit].
+
+        Values beyond are never driven, because their reached values are unknown.
+        """
         driven = [point[0] for curve in (self.rising, self.falling) for point in curve]
         return min(driven), max(driven)
 
     @cached_property
     def reach(self) -> tuple[float, float]:
-        """Least and most that the actuator reaches [unit]."""
+        """Smallest and largest reached value that was measured [unit]."""
         reached = [point[1] for curve in (self.rising, self.falling) for point in curve]
         return min(reached), max(reached)
 
     @property
     def play(self) -> float:
-        """Largest difference between the reached values of both ways, at the same driven value [unit]."""
+        """Largest height of the falling curve above the rising one [unit]."""
         return max(*self._apart(), 0.0)
 
     def _apart(self) -> list[float]:
-        """Return by how much the falling curve is above the rising one, where both were measured [unit]."""
+        """Return heights of the falling curve above the rising one [unit].
+
+        They are at equal steps of the driven values at which both curves were measured.
+        """
         low = max(self.rising[0][0], self.falling[0][0])
         high = min(self.rising[-1][0], self.falling[-1][0])
         if low >= high:
@@ -168,24 +178,35 @@ class Response:
         return self._down.reached(driven)
 
     def between(self, driven: float) -> float:
-        """Return the reached value where nobody knows the way: the middle of both."""
+        """Return the reached value for an unknown direction [unit], the mean of both curves."""
         return 0.5 * (self.rises(driven) + self.falls(driven))
 
     def drives(self, wanted: float) -> float:
-        """Return the driven value for a wanted one where nobody knows the way [unit]: off by half the play at most."""
+        """Return the driven value for a wanted one and an unknown direction [unit].
+
+        The value that is then reached is off by at most half the play.
+        """
         return min(max(self._middle.driven(wanted), self.span[0]), self.span[1])
 
     def follow(self, reached: float, driven: float) -> float:
-        """Return the value reached by a driven value, after `reached`; NaN: the value before is unknown."""
+        """Return the value reached by a driven value [unit].
+
+        Args:
+            reached: value reached before [unit]; NaN if it is unknown.
+            driven: driven value [unit].
+        """
         if math.isnan(reached):
             return self.between(driven)
         return min(max(reached, self.rises(driven)), self.falls(driven))
 
     def to_drive(self, wanted: float, reached: float, way: float, last: float) -> float:
-        """Return the value to drive so that one in `reach` is reached [unit].
+        """Return the value to drive so that a wanted value is reached [unit].
 
         Args:
-            reached: value reached now. way: 1 up, -1 down, 0 not known. last: value driven now.
+            wanted: value within `reach` [unit].
+            reached: value reached now [unit].
+            way: direction of the last movement: 1 up, -1 down, 0 unknown.
+            last: value driven now [unit].
         """
         if wanted == reached:
             return last
@@ -198,12 +219,17 @@ class Response:
         return min(max(driven, self.span[0]), self.span[1])
 
     def age(self, today: date) -> int | None:
-        """Return how many days ago it was measured; None where nobody says."""
+        """Return the number of days since the measurement; None if its day is unknown."""
         return age_of(self.measured_on, today)
 
 
 class Believed(NamedTuple):
-    """Where actuators are believed to be, from the driven values: reached [units], NaN without a curve; and the way."""
+    """Estimate of where actuators are, from their driven values.
+
+    Attributes:
+        reached: reached values [units], shape (channels,); NaN for channels without a curve.
+        way: directions of the last movements, shape (channels,): 1 up, -1 down, 0 unknown.
+    """
 
     reached: Array
     way: Array
@@ -214,7 +240,8 @@ class Responses:
     """The measured curves of a device's channels.
 
     Attributes:
-        curves: by index of the channel. lower, upper: limits of driven and of reached values [units].
+        curves: curves by index of the channel; a channel may have none.
+        lower, upper: limits of driven and of reached values [units], shape (channels,).
     """
 
     curves: Mapping[int, Response]
@@ -226,14 +253,22 @@ class Responses:
 
     @cached_property
     def reachable(self) -> tuple[Array, Array]:
-        """Least and most that may be asked of each channel [units]: within the limits and the measured curves."""
+        """Smallest and largest value that each channel can reach [units].
+
+        They are within the limits and, if a channel has a curve, within the curve.
+        """
         low, high = self.lower.copy(), self.upper.copy()
         for k, curve in self.curves.items():
             low[k], high[k] = max(low[k], curve.reach[0]), min(high[k], curve.reach[1])
         return low, high
 
     def believe(self, driven: Array, before: Believed | None = None) -> Believed:
-        """Return where the actuators are once values were driven [units], shape (channels,)."""
+        """Return an estimate of where the actuators are after values were driven.
+
+        Args:
+            driven: driven values [units], shape (channels,).
+            before: estimate before that; None if it is unknown.
+        """
         reached, way = np.full(len(driven), math.nan), np.zeros(len(driven))
         for k, curve in self.curves.items():
             old = math.nan if before is None else float(before.reached[k])
@@ -243,12 +278,15 @@ class Responses:
         return Believed(reached, way)
 
     def driven(self, wanted: Array, now: Believed | None, last: Array) -> tuple[Array, Array]:
-        """Return the values to drive for wanted ones [units], and by how much these had to be limited before.
+        """Return the values to drive for wanted ones, and by how much these were limited [units].
 
-        A value that must not be driven must not be reached either: the limits hold for both.
+        The limits hold for wanted values too: a value that must not be driven must not be reached either. Channels
+        without a curve are driven as wanted, and not limited here.
 
         Args:
-            now: where the actuators are; None: nobody knows. last: values driven now.
+            wanted: wanted values [units], shape (channels,).
+            now: estimate of where the actuators are; None if it is unknown.
+            last: values driven now [units], shape (channels,).
         """
         driven, limited, (low, high) = wanted.copy(), np.zeros(len(wanted)), self.reachable
         for k, curve in self.curves.items():
@@ -263,7 +301,10 @@ class Responses:
         return driven, limited
 
     def reached(self, driven: Array) -> Array:
-        """Return the reached values for driven ones where nobody knows the way [units], shape (channels,)."""
+        """Return the reached values for driven ones [units], shape (channels,).
+
+        The directions of the movements count as unknown. Channels without a curve reach the driven value.
+        """
         reached = driven.copy()
         for k, curve in self.curves.items():
             reached[k] = curve.between(float(driven[k]))
@@ -271,7 +312,10 @@ class Responses:
 
 
 class _Line(NamedTuple):
-    """A line through points, straight on beyond its ends: looked up a sample at a time, so without numpy."""
+    """Line through points, extended straight beyond its ends.
+
+    It is evaluated for one sample at a time, so numpy would not be faster.
+    """
 
     x: list[float]
     y: list[float]

@@ -1,4 +1,4 @@
-"""Readings of an actuator, one after another as somebody took them, made into its measured curve."""
+"""Measured curve of an actuator, from readings in the order in which they were taken."""
 
 from __future__ import annotations
 
@@ -15,22 +15,24 @@ from ..errors import DermisError
 from ..number_rows import read_rows
 from .response import Points, Response
 
-LEAST = 3  # readings of a way whose beginning is left out
-LEFT = 0.5  # of the usual slope: less, and the play is still being taken up
+LEAST = 3  # least number of readings on the curve, in the longest pass of each way; if both ways were measured
+LEFT = 0.5  # [share of a pass's median slope] below this slope, the play is still being taken up
 
 
 def of_readings(driven: ArrayLike, reached: ArrayLike, **more: Any) -> Response:
-    """Make a curve of readings in the order in which they were taken, up, down, and as often as one likes.
+    """Return a measured curve from readings in the order in which they were taken.
 
-    Where an actuator is turned round it holds still until its play is taken up: readings there belong to no curve and
-    are left out. Passes are averaged; how far they are apart is the scatter.
+    The readings may go up and down any number of times. A pass counts if it covers more than half of the driven range.
+    After a reversal an actuator holds still until its play is taken up. If both ways were measured, readings there are
+    left out, since they belong to no curve. The passes of one way are averaged. The scatter is the largest difference
+    between readings of one way at one driven value.
 
     Args:
-        driven, reached: commanded and reached values, in the channel's unit.
+        driven, reached: commanded and reached values [unit of the channel], shape (n,) each.
         more: the other attributes of `Response`: latency, measured_on and valid_days.
 
     Raises:
-        DermisError: too few readings, or they are no curve of an actuator.
+        DermisError: there are too few readings, or they are no curve of an actuator.
     """
     table = np.array([driven, reached], np.float64).T
     if len(table) < 2 or not np.isfinite(table).all():
@@ -64,12 +66,15 @@ def of_readings(driven: ArrayLike, reached: ArrayLike, **more: Any) -> Response:
 
 
 def read_csv(path: Path, unit: str = "", **more: Any) -> Response:
-    """Read the readings of a caliper, camera or sensor: columns 'driven' and 'reached' (or 'measured'), in order.
+    """Read a measured curve from the readings in a CSV file.
 
-    Units stand in the names, such as 'driven [deg]', 'reached [deg]'; SI where there are none.
+    The columns are 'driven' (or 'commanded') and 'reached' (or 'measured'). Rows are in the order in which they were
+    taken. A name may have a unit, such as 'driven [deg]'; values without a unit are in SI.
 
     Args:
-        unit: unit of the channel, 'm' or 'rad'. Names with a unit of another quantity are an error; '' accepts any.
+        path: path of the file.
+        unit: unit of the channel, 'm' or 'rad'. A column with a unit of another quantity is an error. '' accepts any.
+        more: as in `of_readings`.
 
     Raises:
         DermisError: the file cannot be read, has no such columns, or its readings are no curve of an actuator.
@@ -103,7 +108,14 @@ def read_csv(path: Path, unit: str = "", **more: Any) -> Response:
 
 
 def _passes(table: Array) -> list[tuple[bool, Array]]:
-    """Return runs of readings in one direction, each with whether it goes up; a turning point belongs to both."""
+    """Split readings into passes in one direction.
+
+    Args:
+        table: driven and reached values, shape (n, 2).
+
+    Returns:
+        For each pass, whether it goes up, and its readings. The turning point between two passes belongs to both.
+    """
     passes: list[tuple[bool, Array]] = []
     step = np.sign(np.diff(table[:, 0]))
     moves = np.flatnonzero(step)
@@ -119,7 +131,10 @@ def _passes(table: Array) -> list[tuple[bool, Array]]:
 
 
 def _moving(points: Array) -> Array:
-    """Return a pass without its beginning, in which the play is taken up: that ends within a step or at its end."""
+    """Return a pass without its beginning, in which the play is taken up.
+
+    The play has ended at the end of the first step whose slope is at least `LEFT` times the median slope.
+    """
     slope = np.diff(points[:, 1]) / np.where(np.diff(points[:, 0]) == 0, np.nan, np.diff(points[:, 0]))
     usual = np.nanmedian(slope)
     moves = np.flatnonzero(slope >= LEFT * usual)
@@ -127,7 +142,7 @@ def _moving(points: Array) -> Array:
 
 
 def _averaged(passes: list[Array]) -> tuple[Points, float]:
-    """Return the mean of passes at each driven value, rising, and how far readings are apart at most."""
+    """Return the mean of passes at each driven value, rising, and the scatter."""
     at: dict[float, list[float]] = defaultdict(list)
     for points in passes:
         for driven, reached in points.tolist():

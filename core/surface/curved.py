@@ -1,8 +1,11 @@
-"""CurvedMesh: a mesh whose triangles follow the curved surface that it stands for, as finely as wanted.
+"""CurvedMesh: a triangle mesh refined to follow a curved surface.
 
-Triangles are split where an edge leaves its patch, and nowhere else: corners stay where they are, flat faces stay
-whole, and a mesh that is flat all over is handed back as it came. Which points are new, and on which patch each lies,
-is found once; a mesh that deforms has the same ones from then on.
+The vertices and normals of a mesh define a curved patch over each of its triangles, see `patches`. Triangles are split
+where an edge is too far from its patch, and nowhere else. The given vertices do not move, flat faces with straight
+edges stay whole, and a mesh without bent edges is returned unchanged.
+
+The new vertices, and the patch of each, are found once. `CurvedMesh.moved` keeps them while the mesh deforms, unless
+the mesh bends more than twice as much somewhere.
 """
 
 from __future__ import annotations
@@ -18,12 +21,13 @@ from ..scene.tactile_scene import Mesh, check_mesh
 from .patches import Patches, bends, weights
 from .topology import Topology
 
-TOLERANCE = 10e-6  # [m] a ball of 6 mm pushes back within 0.3 %; in 320 flat faces it is up to 5 % off
-MOST = 100_000  # triangles that a curved surface may have; a mesh that comes with more keeps them
-_LOOKS = (1 / 3, 2 / 3)  # along an edge, where it is compared with its patch
-_PEAK = 9 / 8  # error of a parabola at its middle, over that at these places
-_SURE = 4.0  # times as many triangles as are allowed are too many, however roughly they are foretold
-_PARTS: tuple[tuple[tuple[int, int, int], ...], ...] = (  # by corners 0-2 and middles 3-5, for 1, 2 and 3 split edges
+TOLERANCE = 10e-6  # [m] the force of a ball of 6 mm is off by up to 0.3 %; made of 320 flat faces, by up to 5 %
+MOST = 100_000  # largest number of triangles of a curved surface; a mesh that has more at first keeps them
+_LOOKS = (1 / 3, 2 / 3)  # places along an edge at which it is compared with its patch, 0 to 1
+_PEAK = 9 / 8  # error of a parabola at its middle, divided by its error at `_LOOKS`
+_SURE = 4.0  # an estimate above this many times the allowed number of triangles is surely too many
+# Triangles that replace one with 1, 2 and 3 split edges. Indices 0 to 2 are its corners, 3 to 5 the edges' middles.
+_PARTS: tuple[tuple[tuple[int, int, int], ...], ...] = (
     ((0, 3, 2), (3, 1, 2)),
     ((3, 1, 4), (0, 3, 4), (0, 4, 2)),
     ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)),
@@ -32,13 +36,13 @@ _PARTS: tuple[tuple[tuple[int, int, int], ...], ...] = (  # by corners 0-2 and m
 
 @dataclass(frozen=True, eq=False)
 class CurvedMesh:
-    """A mesh on the curved surface that another stands for.
+    """Triangle mesh on the curved surface that a flat mesh stands for.
 
     Attributes:
-        mesh: the other's vertices first, then the new ones; the other itself where no triangle is split.
-        offset: the longest way from the flat faces to the curved surface [m].
-        left: how far its triangles are off the curved surface still [m].
-        tolerance: how far they were allowed to be [m].
+        mesh: the vertices of the flat mesh, then the new ones; the flat mesh itself if no triangle was split.
+        offset: largest distance from a flat face to the curved surface [m], at the new vertices and the faces' middles.
+        left: distance that remains between the triangles and the curved surface [m].
+        tolerance: distance that was asked for [m]. `left` may exceed it if it would have needed too many triangles.
     """
 
     mesh: Mesh
@@ -55,12 +59,14 @@ class CurvedMesh:
         return f"CurvedMesh({len(self.mesh.triangles)} triangles, {1e3 * self.offset:.3g} mm from flat)"
 
     def moved(self, vertices: Array, normals: Array) -> CurvedMesh:
-        """Return the curved mesh of another shape of the same flat triangles; `offset` and `left` stay as they were.
+        """Return the curved mesh of another shape of the same triangles.
 
-        Its triangles are the same ones, unless the shape bends more than twice as much somewhere: then it is made anew.
+        Triangles, `offset` and `left` are those of this mesh. If the shape bends more than twice as much somewhere, a
+        new curved mesh is made instead.
 
         Args:
-            vertices: [m], shape (V, 3). normals: unit, of each triangle's corners, shape (T, 3, 3).
+            vertices: vertices of the flat mesh in that shape [m], shape (V, 3).
+            normals: unit normals at the corners of each flat triangle, shape (T, 3, 3).
         """
         net = self._patches.net(vertices, normals)
         if (bends(net) > 2.0 * np.maximum(self._bends, self.tolerance)).any():
@@ -70,9 +76,10 @@ class CurvedMesh:
         return replace(self, mesh=Mesh(np.vstack([vertices, new]), self.mesh.triangles))
 
     def findings(self, where: str, scale: float = 1.0) -> tuple[Finding, ...]:
-        """Return how far the curved surface is from the flat one, and whether its triangles follow it.
+        """Report the distance to the flat faces, and a tolerance that was not met.
 
         Args:
+            where: object that the findings name.
             scale: scale of the object that carries the surface.
         """
         found = []
@@ -109,25 +116,29 @@ def curved_mesh(
     most: int = MOST,
     where: str = "mesh",
 ) -> CurvedMesh:
-    """Return the mesh on the curved surface that another one's triangles and normals stand for.
+    """Return a mesh on the curved surface that triangles and normals define.
 
     >>> from dermis import Surface, curved_mesh
     >>> curved_mesh(Surface.sphere(6e-3, 320).mesh)
     CurvedMesh(5120 triangles, 0.101 mm from flat)
 
     Args:
-        normals: that the surface shall have, of each triangle's corners (T, 3, 3) or of each vertex (V, 3); those of
-            `corner_normals` where left out. They need not be of unit length.
-        tolerance: how far triangles may be off the curved surface [m].
-        most: triangles; where they do not do, the tolerance is doubled until they do, and `CurvedMesh.left` tells.
+        mesh: the flat mesh, with V vertices and T triangles.
+        normals: normals of the surface at each triangle's corners, shape (T, 3, 3), or at each vertex, shape (V, 3).
+            They need not be of unit length. None for those of `corner_normals`.
+        tolerance: distance allowed between the triangles and the curved surface [m].
+        most: largest number of triangles. If it is too small, the tolerance is doubled until it suffices.
+            `CurvedMesh.left` has the distance that remains.
+        where: mesh that errors name.
 
     Raises:
-        DermisError: a tolerance that is not above zero, triangles that are no vertices of the mesh, or normals that
-            do not fit it or are no numbers.
+        DermisError: the tolerance is not above zero, triangles use vertices that the mesh does not have, or the normals
+            do not fit the mesh or are not finite numbers.
     """
     if not tolerance > 0:
         raise DermisError("the tolerance must be above zero", where=where, value=tolerance, limit="> 0 m")
-    if len(mesh.triangles) and np.isfinite(mesh.vertices).all():  # others come back as they are: samples have such
+    # Sampled scenes have meshes without triangles, or with vertices that are not finite. These are not checked.
+    if len(mesh.triangles) and np.isfinite(mesh.vertices).all():
         check_mesh(mesh, where)
     corners = _corner_normals(mesh, normals, where)
     patches = Patches(mesh.vertices, corners, mesh.triangles)
@@ -152,17 +163,22 @@ def curved_mesh(
 
 
 def stretch_of(pose: Array) -> float:
-    """Return the most that an object's pose, shape (4, 4), stretches its mesh by; 1 where it says nothing."""
+    """Return the largest stretch of a mesh by its object's pose, shape (4, 4).
+
+    It is 1 for a pose that is zero or not finite.
+    """
     most = float(np.linalg.norm(pose[:3, :3], ord=2))
     return most if np.isfinite(most) and most > 0.0 else 1.0
 
 
 class _Refined:
-    """Triangles on patches, split round after round.
+    """Triangles on patches, split in rounds.
 
     Attributes:
-        triangles: shape (t, 3). patch: that each new point lies on, shape (v,). place: barycentric there, shape (v, 3).
-        left: how far triangles are off their patches [m].
+        triangles: indices of vertices, shape (t, 3).
+        patch: index of the patch of each vertex, shape (v,); 0 for the given vertices.
+        place: barycentric coordinates of each vertex on its patch, shape (v, 3); zero for the given vertices.
+        left: distance between the triangles and their patches [m].
     """
 
     def __init__(self, mesh: Mesh, patches: Patches) -> None:
@@ -171,20 +187,20 @@ class _Refined:
         self.patch, self.place = np.zeros(count, np.int64), np.zeros((count, 3))
         self.left = 0.0
         self._on = np.arange(len(self.triangles))  # the patch of each triangle
-        self._at = np.tile(np.eye(3), (len(self.triangles), 1, 1))  # where its corners are there, shape (t, 3, 3)
+        self._at = np.tile(np.eye(3), (len(self.triangles), 1, 1))  # barycentric, of its corners on that patch
         self._merged = patches.topology.merged
 
     def first_hope(self, net: Array, tolerance: float, most: int) -> float:
-        """Return the first of the tolerance's doublings for which `most` triangles may be enough.
+        """Return the tolerance, doubled until `most` triangles may be enough.
 
-        Others are not worth a try: the first round of splits would be too many, or the rounds that follow surely, since
-        an edge's halves are off by a quarter: a triangle whose edges need n splits each ends as n x n.
+        A smaller tolerance would need too many triangles, in the first round of splits or surely in later ones. Each
+        half of a split edge has a quarter of its error. A triangle whose edges each end in n pieces ends in n x n.
         """
         edge, number = self._edges()
         off = np.zeros(len(number))
         np.maximum.at(off, edge, self._off(net))
         worst = off[edge].reshape(-1, 3) * (4.0 / 3.0)
-        parts = np.sqrt(worst.min(axis=1) * worst.max(axis=1))  # over the tolerance: of each triangle
+        parts = np.sqrt(worst.min(axis=1) * worst.max(axis=1))  # divided by the tolerance: pieces of each triangle
         with np.errstate(over="ignore", invalid="ignore"):
             while (worst > tolerance).sum() + len(worst) > most or (
                 np.maximum(parts / tolerance, 1.0).sum() > _SURE * most
@@ -193,12 +209,12 @@ class _Refined:
         return tolerance
 
     def reach(self, net: Array, tolerance: float, most: int) -> bool:
-        """Split until no edge is off its patch by more than so much; return whether `most` triangles were enough."""
+        """Split until the tolerance [m] is met; return whether `most` triangles were enough."""
         while True:
             edge, number = self._edges()
             off = np.zeros(len(number))
             np.maximum.at(off, edge, self._off(net))
-            # the middle of a triangle is off by 4/3 of its edges' error
+            # The error at the middle of a triangle is 4/3 of its edges' error.
             self.left = float(off.max(initial=0.0)) * 4.0 / 3.0
             split = off * (4.0 / 3.0) > tolerance
             if not split.any():
@@ -208,7 +224,11 @@ class _Refined:
             self._split(split[edge].reshape(-1, 3), edge, split, number)
 
     def _edges(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return the number of each triangle's edges, shape (3 t,), and the first triangle edge of each number."""
+        """Return an index of each triangle's edges, shape (3 t,), and its first place.
+
+        Triangles that share an edge have the same index for it. The second array has, for each index, its first place
+        in the first array.
+        """
         ends = self._merged[self.triangles]
         pair = np.sort(np.stack([ends, ends[:, [1, 2, 0]]], axis=2).reshape(-1, 2), axis=1)
         key = pair[:, 0] * np.int64(len(self._merged)) + pair[:, 1]
@@ -216,7 +236,10 @@ class _Refined:
         return number.reshape(-1), first
 
     def _off(self, net: Array) -> Array:
-        """Return how far each triangle's edges are off their patches, square to it [m], shape (3 t,)."""
+        """Return the distance of each edge from its patch [m], shape (3 t,).
+
+        It is measured along the normal of the triangle that has the edge.
+        """
         corners = np.stack([_points(net, self._on, weights(self._at[:, k])) for k in range(3)], axis=1)
         chord = corners[:, [1, 2, 0]] - corners
         normal = np.cross(chord[:, 0], chord[:, 1])
@@ -231,7 +254,14 @@ class _Refined:
     def _split(
         self, marked: NDArray[np.bool_], edge: NDArray[np.int64], split: NDArray[np.bool_], first: NDArray[np.int64]
     ) -> None:
-        """Split the marked edges, shape (t, 3), in their middles, and the triangles that have them."""
+        """Split edges in their middles, and the triangles that have these edges.
+
+        Args:
+            marked: whether to split the edges of each triangle, shape (t, 3).
+            edge: index of each triangle's edges, see `_edges`, shape (3 t,).
+            split: whether to split the edge of each index, shape (e,).
+            first: first place of each index in `edge`, shape (e,).
+        """
         chosen = first[split]
         number = np.full(len(split), -1)
         number[split] = len(self.patch) + np.arange(len(chosen))
@@ -246,7 +276,7 @@ class _Refined:
         triangles, at, on = [self.triangles[kept]], [self._at[kept]], [self._on[kept]]
         for many, parts in enumerate(_PARTS, start=1):
             rows = np.flatnonzero(count == many)
-            # turned so that the first edge is split and, of two, the last one is not
+            # Triangles are turned: a single split edge comes first; if two edges are split, the whole edge comes last.
             turn = marked[rows].argmax(axis=1) if many == 1 else ((~marked[rows]).argmax(axis=1) + 1) % 3
             order = (np.arange(3) + turn[:, None]) % 3
             order = np.hstack([order, order + 3])
@@ -259,9 +289,15 @@ class _Refined:
 
 
 def _points(net: Array, patch: NDArray[np.int64], table: Array) -> Array:
-    """Return points on patches [m], shape (n, 3)."""
+    """Return points on patches [m], shape (n, 3).
+
+    Args:
+        net: control points of all patches, see `Patches.net`.
+        patch: patch of each point, shape (n,).
+        table: weights of the control points, see `patches.weights`, shape (n, 10).
+    """
     out = np.zeros((len(patch), 3))
-    for control in range(10):  # not all at once: the control points of each would take ten times the memory
+    for control in range(10):  # one by one: to gather all ten for each point would take ten times the memory
         out += table[:, control, None] * net[patch, control]
     return out
 
@@ -281,17 +317,18 @@ def _corner_normals(mesh: Mesh, normals: NDArray[np.floating] | None, where: str
     return np.asarray(given / np.maximum(np.linalg.norm(given, axis=2), 1e-300)[..., None])
 
 
-SHARP = np.pi / 6  # [rad] 30 degrees, where Blender's Shade Auto Smooth begins an edge
+SHARP = np.pi / 6  # [rad] least angle of a sharp edge: 30 degrees, as in Blender's Shade Auto Smooth
 
 
 def corner_normals(mesh: Mesh, sharp: float = SHARP) -> Array:
     """Return unit normals of each triangle's corners, shape (T, 3, 3).
 
-    Faces about a vertex that hang together by edges flatter than `sharp` have one normal there: the mean of theirs,
-    weighted by their angles. A vertex normal is exact to second order on a smooth surface.
+    Faces around a vertex that are connected by edges that are not sharp have one normal there. It is the mean of their
+    normals, weighted by their angles at the vertex. On a smooth surface it is exact to second order.
 
     Args:
-        sharp: angle between faces from which on their edge is one [rad].
+        mesh: the mesh, with T triangles.
+        sharp: angle between two faces [rad]. At this angle or more the edge between them is sharp.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

@@ -1,4 +1,4 @@
-"""An electrovibration screen: perceived friction to volts, by a calibrated power law."""
+"""Electrovibration screen: voltage for a perceived friction, by a power law."""
 
 from __future__ import annotations
 
@@ -22,12 +22,14 @@ _ROWS = KINDS["friction_screen"].parameters
 
 @dataclass(frozen=True)
 class FrictionLaw:
-    """log f = slope * log V + intercept, with friction f on the paper's scale of 0 to 100.
+    """Law log f = slope * log V + intercept of friction f and voltage V.
+
+    The friction is on the paper's scale of 0 to 100.
 
     Attributes:
         slope, intercept: parameters of the straight line.
-        base: base of both logarithms. The paper names none: base 10 gives 7, 165 and 288 V for friction 1, 50 and 100;
-            base e 2.3, 55 and 96 V.
+        base: base of both logarithms. The paper does not state it. For friction 1, 50 and 100, base 10 gives 7, 165 and
+            288 V; base e gives 2.3, 55 and 96 V.
 
     Source: [S4] eq. 1
     """
@@ -47,17 +49,20 @@ class FrictionLaw:
             )
 
     def volts(self, friction: NDArray[np.floating] | float) -> Array:
-        """Return the voltage [V] for a friction; 0 V where friction is zero or less, NaN stays NaN."""
+        """Return the voltage for a friction [V].
+
+        It is 0 V for a friction of zero or less, and NaN for NaN.
+        """
         wanted = np.asarray(friction, dtype=np.float64)
         threshold = self.base ** (-self.intercept / self.slope)
         with np.errstate(invalid="ignore"):
             return np.asarray(threshold * np.where(wanted <= 0, 0.0, wanted) ** (1.0 / self.slope))
 
     def friction(self, volts: NDArray[np.floating] | float) -> Array:
-        """Return the friction that a voltage [V] is perceived as: the inverse; 0 at 0 V.
+        """Return the perceived friction for a voltage [V], the inverse of `volts`.
 
         Raises:
-            DermisError: a negative amplitude.
+            DermisError: an amplitude is negative.
         """
         applied = np.asarray(volts, dtype=np.float64)
         if (applied < 0).any():
@@ -67,14 +72,14 @@ class FrictionLaw:
 
 @dataclass(frozen=True)
 class FrictionScreen:
-    """The data for driving one screen.
+    """Data for driving one screen.
 
     Attributes:
-        law: from friction to volts.
+        law: law of friction and voltage.
         limit: largest amplitude [V].
         carrier: frequency of the voltage [Hz].
-        carrier_low, carrier_high: carriers at which the law was measured [Hz].
-        span_low, span_high: amplitudes at which the law was measured [V].
+        carrier_low, carrier_high: range of carriers in which the law was measured [Hz].
+        span_low, span_high: range of amplitudes in which the law was measured [V].
     """
 
     law: FrictionLaw
@@ -89,11 +94,11 @@ class FrictionScreen:
     def of(cls, spec: DeviceSpec) -> FrictionScreen:
         """Read a device preset of kind 'friction_screen'.
 
-        `span_high` may be absent: the paper gives the ratio of its strongest to its weakest voltage but neither, so
-        the strongest is then taken for the one that the law puts at friction 100.
+        `span_high` may be absent, since the paper gives only the ratio of its strongest to its weakest voltage. The
+        strongest is then taken to be the voltage for friction 100.
 
         Raises:
-            DermisError: another kind, a channel or a limit missing, a law that is none.
+            DermisError: the device is of another kind, a channel or a limit is missing, or the law is invalid.
         """
         where = f"device preset '{spec.key}'"
         if spec.kind != "friction_screen":
@@ -121,10 +126,14 @@ class FrictionScreen:
         )
 
     def check(self, volts: Array, carrier: Array, where: str = "") -> tuple[Finding, ...]:
-        """Return findings where a command leaves the measured range; nothing is changed.
+        """Return findings for commands outside the measured range.
+
+        The commands are not changed.
 
         Args:
-            volts: amplitudes [V], 0 where nothing is shown, shape (n,). carrier: [Hz], shape (n,).
+            volts: amplitudes [V], shape (n,); 0 for no friction.
+            carrier: frequencies of the carrier [Hz], shape (n,).
+            where: device that the findings name.
         """
         # A rounding error at exactly full friction is no extrapolation.
         low, high = self.span_low * (1 - 1e-9), self.span_high * (1 + 1e-9)
@@ -173,15 +182,15 @@ class FrictionScreen:
         return tuple(findings)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything as plain JSON values; `from_dict` reads them."""
+        """Return all data as JSON values; `from_dict` reads them."""
         return asdict(self)
 
     @classmethod
     def from_dict(cls, fields: Mapping[str, Any]) -> FrictionScreen:
-        """Read a screen that `as_dict` gave.
+        """Read a screen from the values that `as_dict` returned.
 
         Raises:
-            DermisError: a field missing, unknown or not a number.
+            DermisError: a field is missing, unknown or not a number, or the law is invalid.
         """
         try:
             rest = {name: _number(value) for name, value in fields.items() if name != "law"}
@@ -193,7 +202,7 @@ class FrictionScreen:
 
 
 def _full_volts(law: FrictionLaw, where: str) -> float:
-    """Return the voltage of full friction; refuse a law that has none."""
+    """Return the voltage for friction 100 [V]; refuse a law that has none."""
     try:
         full = float(law.volts(FULL_FRICTION))
     except OverflowError:

@@ -1,11 +1,11 @@
-"""GainCurve: the gain of an actuator at the frequencies at which it was measured, and filters made from it.
+"""GainCurve: measured gain of an actuator over frequency, and filters from it.
 
-`gain_between` is the one function that evaluates a measured response: between two frequencies the logarithm of the gain
-is a straight line. Outside of the measured band a gain is unknown.
+All measured responses are evaluated by `gain_between`: between two frequencies the logarithm of the gain is linear.
+Outside the measured band a gain is unknown.
 
-A voice coil is a mass on a spring, driven by one force, so its phase follows from its gain: it is a minimum-phase
-system. The inverse of one is causal and again of minimum phase, and `minimum_phase` finds it from the gain alone by the
-real cepstrum (Oppenheim and Schafer, *Discrete-Time Signal Processing*, 3rd edition, section 13.5).
+A voice coil is a mass on a spring, driven by one force. It is a minimum-phase system, so its phase follows from its
+gain. The inverse of such a system is causal and has minimum phase, too. `minimum_phase` finds it from the gain alone by
+the real cepstrum (Oppenheim and Schafer, *Discrete-Time Signal Processing*, 3rd edition, section 13.5).
 """
 
 from __future__ import annotations
@@ -20,24 +20,25 @@ from ..arrays import Array
 from ..errors import DermisError
 
 MOST_POINTS = 1000
-# Largest error of a filter's gain within the band. A file's amplitude may be off by 0.5 %, of which upsampling takes
-# 0.04 %.
+# Largest relative error of a filter's gain within the band. The amplitude of a file may be off by 0.5 %; upsampling
+# causes 0.04 % of it.
 TOLERANCE = 2e-3
-LONGEST = 2**16  # taps: 8 s at 8 kHz
-FINER = 8  # the cepstrum is computed on a grid so much finer than that of the filter's own frequencies
-NEAR = 1.01  # frequencies of this ratio give the slope at an end of the band
-FALL = math.log(4.0) / math.log(2.0) ** 2  # 12 dB after one octave beyond the band
+LONGEST = 2**16  # [taps] longest filter: 8 s at 8 kHz
+FINER = 8  # factor by which the grid of the cepstrum is finer than that of the filter's own frequencies
+NEAR = 1.01  # ratio of the two frequencies between which the slope at an end of the band is taken
+FALL = math.log(4.0) / math.log(2.0) ** 2  # fall of the log gain beyond the band: 12 dB after one octave
 
 
 @dataclass(frozen=True)
 class GainCurve:
-    """The gain of one actuator over frequency.
+    """Measured gain of one actuator over frequency.
 
     Attributes:
-        frequency: [Hz], above zero and rising. gain: output for each unit of input, above zero. Both of one length.
+        frequency: measured frequencies [Hz], above zero and rising.
+        gain: output per unit of input at each frequency, above zero.
 
     Raises:
-        DermisError: points that are no curve; says which.
+        DermisError: the points are no such curve.
     """
 
     frequency: tuple[float, ...]
@@ -76,30 +77,38 @@ class GainCurve:
 
     @property
     def band(self) -> tuple[float, float]:
-        """Least and largest frequency at which it was measured [Hz]."""
+        """Lowest and highest measured frequency [Hz]."""
         return self.frequency[0], self.frequency[-1]
 
     def at(self, frequency: Array) -> Array:
-        """Return the gain at frequencies [Hz]; NaN outside of the measured band."""
+        """Return the gain at frequencies [Hz]; NaN outside the measured band."""
         low, high = self.band
         found = gain_between(frequency, np.array(self.frequency), np.log(self.gain))
         return np.where((frequency < low) | (frequency > high), np.nan, found)
 
 
 def gain_between(frequency: Array, measured: Array, log_gain: Array) -> Array:
-    """Return gains at frequencies [Hz], from logarithms of the gain at measured ones; beyond them that of the last."""
+    """Return gains at frequencies by interpolation of the logarithm.
+
+    Beyond the measured frequencies, it is the gain at the nearest of them.
+
+    Args:
+        frequency: frequencies [Hz], any shape.
+        measured: measured frequencies [Hz], rising, shape (n,).
+        log_gain: natural logarithms of the gains there, shape (n,).
+    """
     return np.asarray(np.exp(np.interp(frequency, measured, log_gain)))
 
 
 def filter_taps(gain: Callable[[Array], Array], band: tuple[float, float], rate: float) -> Array:
-    """Return a causal filter of least delay with a wanted gain, to within 0.2 % inside a band.
+    """Return a causal filter of least delay with a wanted gain in a band.
 
-    Outside of the band the actuator's response is unknown, and the filter asks for less and less there: the gain goes
-    on with its slope at the band's end, and falls below that by 12 dB after one octave, 48 dB after two. A constant
-    value gives nothing.
+    In the band, the gain is met to within 0.2 %. Outside the band the actuator's response is unknown, so the filter's
+    gain falls there. It continues with the slope at the band's end, and falls below that by 12 dB after one octave and
+    by 48 dB after two. The output for a constant value is practically zero.
 
     Args:
-        gain: gain at frequencies inside the band [Hz], positive.
+        gain: function that returns the positive gain at frequencies inside the band [Hz].
         band: lowest and highest frequency [Hz].
         rate: samples per second [Hz].
 
@@ -126,7 +135,7 @@ def filter_taps(gain: Callable[[Array], Array], band: tuple[float, float], rate:
     taps = 1 << math.ceil(math.log2(rate / low))  # one period of the lowest frequency
     while taps <= LONGEST:
         grid = np.asarray(np.fft.rfftfreq(FINER * taps, 1.0 / rate), np.float64)
-        grid[0] = 0.5 * grid[1]  # zero has no logarithm
+        grid[0] = 0.5 * grid[1]  # the frequency 0 has no logarithm
         log_gain = wanted(grid)
         found = minimum_phase(log_gain)[:taps]
         made = np.abs(np.fft.rfft(found, FINER * taps))
@@ -144,15 +153,16 @@ def filter_taps(gain: Callable[[Array], Array], band: tuple[float, float], rate:
 
 
 def filtered(values: Array, taps: Array) -> Array:
-    """Return values that went through a filter, from the first for which all earlier ones are there.
+    """Return filtered values, from the first that has all earlier values it needs.
 
     Args:
-        values: at even times, shape (n,), n >= taps - 1. taps: weights, the newest value's first, shape (taps,).
+        values: values at equal steps of time, shape (n,), n >= taps - 1.
+        taps: weights of the newest value and those before it, shape (taps,).
 
     Returns:
-        Shape (n - taps + 1,).
+        Filtered values, shape (n - taps + 1,).
     """
-    block = FINER * len(taps)  # by parts of so many values, so that long series need no more memory
+    block = FINER * len(taps)  # values that are filtered at once, so that long series need no more memory
     response, count = np.fft.rfft(taps, block), len(values) - len(taps) + 1
     out = np.empty(count)
     for first in range(0, count, block - len(taps) + 1):
@@ -165,10 +175,11 @@ def minimum_phase(log_gain: Array) -> Array:
     """Return the impulse response of least delay with a gain.
 
     Args:
-        log_gain: natural logarithm of the gain, from zero to half of the rate, shape (n / 2 + 1,), n even.
+        log_gain: natural logarithm of the gain at equal steps of frequency, from zero to half of the sampling rate,
+            shape (n / 2 + 1,), n even.
 
     Returns:
-        Shape (n,).
+        Impulse response, shape (n,).
     """
     count = 2 * (len(log_gain) - 1)
     cepstrum = np.fft.irfft(log_gain, count)

@@ -1,10 +1,10 @@
-"""Six-leg platform: a disc under the pad whose six legs' lengths set all of its pose.
+"""Six-leg platform: a disc under the pad, positioned by six leg lengths.
 
-The paper's legs are compliant wires through a fixed base (a parallel continuum manipulator); here they are modelled
-as rigid, straight, and free to turn at both ends. Neither their bending under load nor their curved shape is computed.
+The legs of the paper's device are compliant wires through a fixed base (a parallel continuum manipulator). Here they
+are modelled as rigid, straight, and free to turn at both ends. Their bending and their curved shape are not computed.
 
-In the finger's frame the base joints stand above the nail; the platform's frame is parallel to the finger's in the
-reference configuration, its face looks along +Z.
+In the finger's frame the base joints are above the nail. In the reference configuration the platform's frame is
+parallel to the finger's. The normal of the platform's face is +Z.
 
 Source: [S2] II and Fig. 2
 """
@@ -22,13 +22,13 @@ from .poses import Poses
 from .spec import DeviceSpec
 
 NEWTON_STEPS = 30
-CLOSED = 1e-11  # [m] a pose whose legs are this near to the lengths asked for is the pose
-SINGULAR = 1e-4  # least ratio of the singular values of the legs' directions, moments over the platform's radius
+CLOSED = 1e-11  # [m] largest error of a leg's length in forward kinematics
+SINGULAR = 1e-4  # least `Hexapod.conditioning` of the reference configuration
 
 
 @dataclass(frozen=True, eq=False)
 class Hexapod:
-    """The mechanism.
+    """Mechanism of a six-leg platform.
 
     Attributes:
         disc_radius: radius of the face that touches the skin [m].
@@ -52,14 +52,16 @@ class Hexapod:
         return Poses(np.tile(np.eye(3), (count, 1, 1)), np.tile([0.0, 0.0, self.height], (count, 1)))
 
     def commands(self, poses: Poses) -> Array:
-        """Return leg lengths [m] at poses, shape (n, 6): inverse kinematics."""
+        """Return leg lengths at poses by inverse kinematics [m], shape (n, 6)."""
         return np.linalg.norm(self._legs(poses)[1], axis=2)
 
     def carry(self, commands: Array, start: Poses) -> Poses:
-        """Return the pose that closes all legs: forward kinematics; see `press.Carrier`.
+        """Return the poses with given leg lengths [m], by forward kinematics.
+
+        See `press_problem.Carrier`.
 
         Raises:
-            DermisError: lengths for which no pose is found from `start`.
+            DermisError: no pose with these lengths was found from `start`.
         """
         poses = start
         wanted = np.asarray(commands, np.float64)
@@ -81,11 +83,15 @@ class Hexapod:
         )
 
     def give(self, commands: Array, poses: Poses, *, first: bool) -> None:
-        """Return None: the legs are rigid; see `press.Carrier`."""
+        """Return None, since the legs are rigid; see `press_problem.Carrier`."""
         return None
 
     def conditioning(self, poses: Poses) -> Array:
-        """Return how far poses are from where the legs lose their hold, 0 at a singularity, shape (n,)."""
+        """Return the conditioning of the legs at poses, shape (n,).
+
+        It is the ratio of the least to the largest singular value of the legs' directions and moments, with moments
+        divided by the platform's radius. It is 0 at a singularity, in which the legs do not hold the platform.
+        """
         at, legs = self._legs(poses)
         rows = _rows(at - poses.centre[:, None], legs / np.linalg.norm(legs, axis=2)[:, :, None])
         rows[:, :, 3:] /= np.linalg.norm(self.joints[0])
@@ -101,8 +107,8 @@ def mechanism(spec: DeviceSpec) -> Hexapod:
     """Read the mechanism of a preset.
 
     Raises:
-        DermisError: a missing parameter, one that is not above zero, joints that do not surround the middle, or legs
-            that do not hold the platform in its reference configuration.
+        DermisError: a parameter is missing or not above zero, the joints do not surround the middle, or the legs do not
+            hold the platform in its reference configuration.
     """
     where = f"device preset '{spec.key}'"
     radius, base_radius, disc, drop, base_height = (
@@ -124,5 +130,10 @@ def mechanism(spec: DeviceSpec) -> Hexapod:
 
 
 def _rows(at: Array, along: Array) -> Array:
-    """Return how leg lengths change with a movement about the finger's origin, shape (n, 6, 6)."""
+    """Return the derivative of leg lengths by the platform's movement, (n, 6, 6).
+
+    Args:
+        at: positions of the legs' joints on the platform [m], shape (n, 6, 3). The turn is about their origin.
+        along: unit vectors along the legs, shape (n, 6, 3).
+    """
     return np.concatenate([along, np.cross(at, along)], axis=2)

@@ -1,6 +1,7 @@
-"""LateralStage: a thimble on a stage that moves it along the pad and turns it, to see the benefit of such axes.
+"""LateralStage: a thimble on a stage that moves it along the pad and turns it.
 
-No such device is built: it has the thimble's servos and their limits, and three more joints with limits of their own.
+It serves to study the benefit of such axes. No such device has been built. It has the thimble's servos with their
+limits, and three more joints with their own limits.
 """
 
 from __future__ import annotations
@@ -16,13 +17,21 @@ from ..errors import DermisError
 from .linkage import PlatformPose
 from .thimble import Thimble
 
-REACH = 5e-3  # [m] to either side: a pulp's width is three times that
-TURN = np.radians(30.0)  # to either side
+REACH = 5e-3  # [m] default reach of the stage to either side; the width of a pulp is three times that
+TURN = np.radians(30.0)  # [rad] default turn of the stage to either side
 
 
 @dataclass(frozen=True, eq=False)
 class LateralStage:
-    """The thimble, and how far the stage goes: `reach` [m] along both axes, `turn` [rad], to either side."""
+    """Thimble on a stage.
+
+    A configuration is x = (pitch, roll, distance, shift x, shift y, yaw).
+
+    Attributes:
+        thimble: the thimble.
+        reach: largest shift along each axis, to either side [m].
+        turn: largest yaw to either side [rad].
+    """
 
     thimble: Thimble
     reach: float = REACH
@@ -35,12 +44,12 @@ class LateralStage:
 
     @property
     def disc_radius(self) -> float:
-        """Of the surface that touches the skin [m]."""
+        """Radius of the surface that touches the skin [m]."""
         return self.thimble.disc_radius
 
     @property
     def platform_radius(self) -> float:
-        """Of the joints' circle on the platform [m]."""
+        """Radius of the circle of joints on the platform [m]."""
         return self.thimble.platform_radius
 
     @property
@@ -50,26 +59,30 @@ class LateralStage:
 
     @property
     def servo_limits(self) -> tuple[Array, Array]:
-        """Ends of the servos [rad] and of the stage [m, m, rad], shape (6,) each."""
+        """Lower and upper limits of servos [rad] and stage [m, m, rad], (6,) each."""
         (low, high), ends = self.thimble.servo_limits, np.array([self.reach, self.reach, self.turn])
         return np.concatenate([low, -ends]), np.concatenate([high, ends])
 
     @property
     def servo_speed(self) -> float:
-        """None is known of a stage that is not built."""
+        """Largest speed: inf, since that of a stage that is not built is unknown."""
         return math.inf
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration of servo angles [rad] and a stage's place, shape (6,).
+        """Return the configuration of servo angles and a place of the stage, shape (6,).
+
+        Args:
+            angles: three servo angles [rad], two shifts [m] and the yaw [rad] of the stage, shape (6,).
+            start: configuration nearby, from which that of the thimble is searched.
 
         Raises:
-            DermisError: none has these angles.
+            DermisError: no configuration has these angles.
         """
         values = np.asarray(angles, np.float64)
         return np.concatenate([self.thimble.forward(values[:3], np.asarray(start, np.float64)[:3]), values[3:]])
 
     def pose(self, x: ArrayLike) -> PlatformPose:
-        """Return the disc's pose in the base frame at x = (pitch, roll, distance, shift x, shift y, yaw)."""
+        """Return the disc's pose in the base frame; values that x lacks are 0."""
         at = np.zeros(6)
         at[: np.size(x)] = x
         pitch, roll, distance, east, north, yaw = at.tolist()
@@ -83,7 +96,7 @@ class LateralStage:
         return PlatformPose(turn @ own.rotation, centre + [-east, north, 0.0], spin, shift, at)
 
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return the servos' angles and the stage's place, shape (6,), and their derivative by x, shape (6, 6).
+        """Return servo angles and stage's place, (6,), and their derivative, (6, 6).
 
         Raises:
             DermisError: a leg cannot reach.
@@ -95,7 +108,9 @@ class LateralStage:
         return np.concatenate([angles, at[3:]]), slopes
 
     def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return c(x) >= 0, shape (13,), and dc/dx: room upwards, the singularity margin's, room downwards.
+        """Return the constraints c(x) >= 0, shape (13,), and dc/dx, shape (13, 6).
+
+        They are the room to the six upper limits, the margin to the singularity, and the room to the six lower limits.
 
         Raises:
             DermisError: a leg cannot reach.
@@ -107,12 +122,17 @@ class LateralStage:
         return np.concatenate([high - values, margin[6:], values - low]), np.vstack([-slopes, slope, slopes])
 
     def holds(self, x: Array, low: Array, high: Array) -> bool:
-        """Return whether thimble and stage reach x within limits, and the thimble holds its platform firmly."""
+        """Return whether x is within limits and the platform is held firmly.
+
+        Args:
+            x: configuration, shape (6,).
+            low, high: limits of servos and stage, shape (6,) each.
+        """
         stage = (x[3:] >= low[3:]).all() and (x[3:] <= high[3:]).all()
         return bool(stage) and self.thimble.holds(x[:3], low[:3], high[:3])
 
     def feasible(self, x: ArrayLike) -> bool:
-        """Return the same for the whole range of thimble and stage."""
+        """Return whether `holds` for the whole range of thimble and stage."""
         try:
             return self.holds(np.asarray(x, np.float64), *self.servo_limits)
         except DermisError:

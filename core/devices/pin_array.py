@@ -1,8 +1,9 @@
-"""Pin array: many pins that press the pulp from a cylindrical surface, each towards the cylinder's axis.
+"""Pin array: pins on a cylinder around the finger, which press on the pulp.
 
-In the finger's frame (origin at the pad's centre, +Y towards the tip, +Z towards the nail) the cylinder's axis runs
-along Y at height `radius - standoff` above the pad and is then pitched about X by the mounting angle. A pin acts
-where its line of motion meets the undeformed skin, and its force spreads over the skin's nodes around that point.
+Each pin moves towards the cylinder's axis. The origin of the finger's frame is the centre of the pad; +Y points to the
+tip and +Z to the nail. The cylinder's axis runs along Y at the height `radius - standoff` above the pad. The cylinder
+is then pitched about X by the mounting angle. A pin acts where its line of motion meets the undeformed skin. Its force
+is spread over the skin's nodes around this point.
 
 Source: [S1] IV.B.
 """
@@ -18,17 +19,18 @@ from ..arrays import Array
 from ..errors import DermisError, Finding
 from .spec import DeviceSpec
 
-SPREAD_CUTOFF = 3.0  # of sigma: nodes farther from a pin's point of action get none of its force
+SPREAD_CUTOFF = 3.0  # [standard deviations] nodes farther from a pin's point of action get none of its force
 
 
 @dataclass(frozen=True)
 class PinLayout:
-    """The places of the pins, and the limits of each.
+    """Places and limits of the pins.
 
     Attributes:
-        tips: points on each pin's line, on the cylinder at mid stroke [m], shape (pins, 3).
+        tips: tips of the pins at mid stroke, on the cylinder [m], shape (pins, 3).
         directions: unit vectors of the pins' motion, into the finger, shape (pins, 3).
-        force_limit: largest force of each pin [N], shape (pins,). stroke: its travel [m].
+        force_limit: largest force of each pin [N], shape (pins,).
+        stroke: travel of a pin from end to end [m].
         spread: standard deviation of the Gaussian that spreads a pin's force [m].
         delay: time from command to force [s].
     """
@@ -48,12 +50,13 @@ class PinLayout:
 
 @dataclass(frozen=True)
 class PinContacts:
-    """Which pins meet the skin, and where.
+    """Points at which pins meet the skin.
 
     Attributes:
-        points: points of action on the undeformed skin [m], shape (pins, 3); NaN where a pin misses.
-        hits: shape (pins,). travel: from mid stroke to the skin, positive inwards [m]; NaN where a pin misses.
-        findings: pins that miss, or that the stroke does not reach.
+        points: points of action on the undeformed skin [m], shape (pins, 3); NaN for pins that miss it.
+        hits: whether each pin meets the skin and is used, shape (pins,).
+        travel: travel from mid stroke to the skin, positive inwards [m], shape (pins,); NaN for pins that miss it.
+        findings: findings about pins that miss the skin, or whose stroke is too short to reach it.
     """
 
     points: Array
@@ -63,11 +66,13 @@ class PinContacts:
 
 
 def layout(spec: DeviceSpec) -> PinLayout:
-    """Place the pins of a preset in the finger's frame; a channel's 'high' bounds its pin below 'force_limit'.
+    """Return the layout of a preset's pins in the finger's frame.
+
+    The force of a pin is limited by 'force_limit' and by the 'high' of its channel, whichever is smaller.
 
     Raises:
-        DermisError: no pins, another number of channels, a pitch, radius, stroke, spread or force limit that is not
-            above zero, pins that overlap, or columns that wrap more than half of the cylinder.
+        DermisError: there are no pins, there are more or fewer channels than pins, a pitch, radius, stroke, spread or
+            force limit is not above zero, pins overlap, or the columns wrap more than half of the cylinder.
     """
     where = f"device preset '{spec.key}'"
     rows, columns = int(spec.value("rows")), int(spec.value("columns"))
@@ -96,7 +101,10 @@ def layout(spec: DeviceSpec) -> PinLayout:
 
 
 def _force_limits(spec: DeviceSpec, pins: int, limit: float) -> Array:
-    """Return the smaller one of the parameter and the channel's 'high', for each pin [N]."""
+    """Return the force limit of each pin [N], shape (pins,).
+
+    It is the smaller one of the parameter and the channel's 'high'.
+    """
     where = f"device preset '{spec.key}'"
     if pins != len(spec.channels):
         raise DermisError(
@@ -114,12 +122,13 @@ def _force_limits(spec: DeviceSpec, pins: int, limit: float) -> Array:
 
 
 def contacts(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer]) -> PinContacts:
-    """Meet every pin's line of motion with the undeformed skin.
+    """Return the points at which the pins' lines of motion meet the undeformed skin.
+
+    A pin approaches from outside. Its point of action is the first crossing at which its line enters the skin.
 
     Args:
+        pins: the layout.
         vertices, triangles: the skin's outer surface in the finger's frame [m], shapes (V, 3) and (T, 3).
-
-    A pin approaches from outside, so its point of action is the first crossing along its motion where it enters.
 
     Raises:
         DermisError: no pin meets the skin.
@@ -162,10 +171,15 @@ def contacts(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer]) -
 
 
 def on_pad(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer], nodes: Array) -> PinContacts:
-    """Meet every pin's line with the skin, see `contacts`, without those too far from any node that may carry force.
+    """Return the points of `contacts`, without pins that act beside the pad.
+
+    A pin acts beside the pad if its point of action is farther than `SPREAD_CUTOFF` from all nodes that may carry
+    force. Such a pin is not used, and a finding reports it.
 
     Args:
-        nodes: those that may carry force [m], shape (n, 3).
+        pins: the layout.
+        vertices, triangles: as in `contacts`.
+        nodes: nodes of the skin that may carry force [m], shape (n, 3).
 
     Raises:
         DermisError: no pin is left.
@@ -194,13 +208,15 @@ def on_pad(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer], nod
 
 
 def distribution(pins: PinLayout, met: PinContacts, nodes: Array) -> Array:
-    """Return A = A_d A_p, nodal forces for unit pin forces, shape (3 nodes, pins).
+    """Return A = A_d A_p, nodal forces for unit pin forces, shape (3 n, pins).
 
-    Weights fall off as a Gaussian of the distance from the point of action and sum to one, so the nodes together
-    receive exactly a pin's force. Pins that miss the skin have a column of zeros.
+    The weights of the nodes are a Gaussian of their distance from the point of action. Their sum is one, so the nodes
+    together receive the pin's force exactly. Pins that are not used have a column of zeros.
 
     Args:
-        nodes: skin nodes that may carry force [m], shape (n, 3).
+        pins: the layout.
+        met: points at which the pins meet the skin.
+        nodes: nodes of the skin that may carry force [m], shape (n, 3).
 
     Source: [S1] eq. 4 and IV.B.
     """
@@ -218,7 +234,12 @@ def distribution(pins: PinLayout, met: PinContacts, nodes: Array) -> Array:
 def _first_entry(
     origins: Array, directions: Array, vertices: Array, triangles: NDArray[np.integer]
 ) -> tuple[Array, Array]:
-    """Moeller-Trumbore for every line and triangle; the entry with the smallest signed travel."""
+    """Return the first entry of each line into a surface, by Moeller and Trumbore.
+
+    Returns:
+        Point of the entry with the smallest signed travel [m], shape (pins, 3), and this travel [m], shape (pins,). NaN
+        for lines that do not enter.
+    """
     corner = vertices[triangles[:, 0]]
     e1, e2 = vertices[triangles[:, 1]] - corner, vertices[triangles[:, 2]] - corner
     p = np.cross(directions[:, None], e2[None])
@@ -229,8 +250,8 @@ def _first_entry(
         q = np.cross(s, e1[None])
         v = np.einsum("ptk,pk->pt", q, directions) / det
         t = np.einsum("ptk,tk->pt", q, e2) / det
-    edge = 1e-9  # a line through a shared edge belongs to both triangles rather than to none
-    # the determinant is positive where the line runs against the outward normal: it enters
+    edge = 1e-9  # a line through a shared edge crosses both triangles; without this margin it may cross none
+    # The determinant is positive if the line runs against the outward normal, that is, enters.
     inside = (det > 0) & (u >= -edge) & (v >= -edge) & (u + v <= 1 + edge)
     travel = np.where(inside, t, np.inf).min(axis=1, initial=np.inf)
     travel[~np.isfinite(travel)] = np.nan

@@ -1,7 +1,7 @@
-"""Whether a device can be made from a preset: the fields that its kind's row asks for, and its channels.
+"""Check of device presets: their fields, parameters and channels.
 
-A preset that passes here and at its kind's own reading can be rendered: a malformed one is reported where presets are
-listed, not in the middle of a bake.
+A device can be rendered if its preset passes. Invalid presets are reported when presets are listed, and not in the
+middle of a bake.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from .mechanism import kind_of, mechanism_of
 from .safe_state import safe_state
 from .spec import DeviceSpec
 
-# Fields of single channels, as 'bandwidth.motor_1': judged before a track leaves.
+# Parameters of single channels, such as 'bandwidth.motor_1'. Tracks are checked against them before they are sent.
 OF_CHANNELS = ("acceleration", "bandwidth", "resolution")
 FIELDS = "schema name kind rate channels parameters safe wire description sources display settings".split()
 CHANNEL_FIELDS = "name unit actuator low high slew rest repeat description source".split()
 
 
 def check_device(spec: DeviceSpec) -> None:
-    """Refuse a device preset that its kind cannot be made from.
+    """Refuse an invalid device preset.
 
     Raises:
-        DermisError: an unknown kind, field or parameter, one that is missing, of another form, unit or sign, or
-            channels, a safe state or quantities that the kind's own reading refuses.
+        DermisError: the kind, a field or a parameter is unknown, a required parameter is missing, a parameter has a
+            wrong form, unit or sign, or the channels, the safe state or the mechanism are invalid.
     """
     where = f"device preset '{spec.key}'"
     kind = kind_of(spec)
@@ -55,7 +55,7 @@ def check_device(spec: DeviceSpec) -> None:
                 remedy="What is only for people belongs into 'description'",
             )
         if name == "range_disc_radius":
-            continue  # in the unit of the channels that share it, and checked with them
+            continue  # it has the unit of its two channels, and was checked with them
         found.check(value, where, unit)
     _check_channels(spec, kind, where)
     safe_state(spec)
@@ -68,14 +68,18 @@ def check_device(spec: DeviceSpec) -> None:
 
 
 def _check_fields(given: Mapping[str, Any], known: Sequence[str], where: str) -> None:
-    """Refuse a field that nobody reads: a 'saef' would leave a device without its safe state."""
+    """Refuse unknown fields: with a misspelt 'safe' a device would have no safe state."""
     unknown = sorted(set(given) - set(known))
     if unknown:
         raise DermisError("unknown field", where=where, value=", ".join(unknown), limit=", ".join(known))
 
 
 def _check_channels(spec: DeviceSpec, kind: Kind, where: str) -> None:
-    """Refuse channels that the kind has no values for, or more or fewer of them than it has motors or pins."""
+    """Refuse channels that do not fit the kind of device.
+
+    Their names and units must be those of the kind, their number must be that of its motors or pins, and the motors of
+    a platform need a range.
+    """
     for channel in spec.channels if kind.channels else ():
         if channel.name not in kind.channels:
             raise DermisError(
@@ -107,7 +111,10 @@ def _check_channels(spec: DeviceSpec, kind: Kind, where: str) -> None:
 
 
 def _of_channel(spec: DeviceSpec, name: str) -> Parameter | None:
-    """Return the parameter for a field of a channel; its unit is the channel's, or left out."""
+    """Return the parameter of a single channel, such as 'bandwidth.motor_1'.
+
+    It is None if the name is not that of such a parameter. Its unit is not checked.
+    """
     group, _, channel = name.partition(".")
     if group not in OF_CHANNELS or channel not in {c.name for c in spec.channels}:
         return None

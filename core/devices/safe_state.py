@@ -1,4 +1,4 @@
-"""The safe state of a device, as its preset states it: values, and how they are reached."""
+"""Safe state of a device: the values in its preset, and how they are reached."""
 
 from __future__ import annotations
 
@@ -13,19 +13,26 @@ REACHES = ("at_once", "ramp", "release")
 
 
 class SafeState(NamedTuple):
-    """The statement of a preset: how its safe state is reached, one of `REACHES`, and values by channel [SI]."""
+    """Safe state in a preset.
+
+    Attributes:
+        reach: how it is reached, one of `REACHES`.
+        values: values by name of the channel [SI].
+    """
 
     reach: str
     values: Mapping[str, float]
 
 
 def safe_state(spec: DeviceSpec) -> SafeState:
-    """Read `safe` of a device preset, {"reach": "ramp", "values": {channel: quantity}}; without it a ramp to nothing.
+    """Return the safe state of a device preset.
 
-    The name of channels that are one entry, such as 'pin_{}', stands for all of them.
+    The field `safe` is {"reach": "ramp", "values": {channel: quantity}}. Without it, the state is a ramp without
+    values. The name of an entry for repeated channels, such as 'pin_{}', sets all of them.
 
     Raises:
-        DermisError: unknown fields or channels, another way, or a value that is not one within the channel's range.
+        DermisError: a field or channel is unknown, 'reach' is none of `REACHES`, or a value is not one number within
+            the channel's range.
     """
     where = f"device preset '{spec.key}', safe"
     field: Any = spec.source.get("safe", {})
@@ -48,7 +55,10 @@ def safe_state(spec: DeviceSpec) -> SafeState:
 
 
 def bare_channels(spec: DeviceSpec) -> tuple[str, ...]:
-    """Return the channels with an actuator for which a worn device states no safe value; () where it need not."""
+    """Return the channels with an actuator that lack a safe value.
+
+    It is () for a device that is not worn, which needs no safe values.
+    """
     if not spec.worn:
         return ()
     values = safe_state(spec).values
@@ -56,7 +66,7 @@ def bare_channels(spec: DeviceSpec) -> tuple[str, ...]:
 
 
 def safe_findings(spec: DeviceSpec) -> tuple[Finding, ...]:
-    """Return findings for a person, before this device is meant to be streamed to."""
+    """Return findings to show before commands are streamed to this device."""
     bare = bare_channels(spec)
     if not bare:
         return ()

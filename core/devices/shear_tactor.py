@@ -1,4 +1,6 @@
-"""Shear tactor: two coaxial pulleys move a cap in the pad's plane through a rhombus of four equal links.
+"""Shear tactor: two coaxial pulleys and a rhombus of links move a cap.
+
+The cap moves in the pad's plane. The four links are equally long.
 
 Source: [S3] section 3; the kinematics p = l (u(q1) + u(q2)) are derived from it
 """
@@ -18,18 +20,18 @@ from .spec import DeviceSpec
 
 @dataclass(frozen=True)
 class ShearTactor:
-    """A rhombus with the pulleys' common axis at one corner and the cap at the opposite one.
+    """Rhombus with the pulleys' axis at one corner and the cap at the opposite one.
 
-    Positions are of the cap in the pad's plane [m], the workspace's centre at the origin. Pulley angles [rad] count
-    from the reference pose, in which the cap is in the centre and the two rods are orthogonal.
+    Positions are those of the cap in the pad's plane [m], relative to the centre of the workspace. Pulley angles are
+    relative to the reference pose, in which the cap is in the centre and the two driven links are orthogonal.
 
     Attributes:
         link: length of every link, l [m].
         radius: radius A of the round workspace [m].
-        speed: top speed of the cap [m/s].
-        torque: limit of each motor, at its pulley [N m].
+        speed: largest speed of the cap [m/s].
+        torque: largest torque of each motor, at its pulley [N m].
         heading: direction from the pulleys' axis to the workspace's centre, from the pad's +X [rad].
-        tap_axis: unit vector in the pad's plane to which the normal part of a tap turns, shape (2,).
+        tap_axis: unit vector in the pad's plane along which the normal part of a tap is shown, shape (2,).
     """
 
     link: float
@@ -64,14 +66,14 @@ class ShearTactor:
 
     @property
     def axis(self) -> Array:
-        """Where the pulleys' common axis is [m], shape (2,)."""
+        """Position of the pulleys' common axis [m], shape (2,)."""
         return -math.sqrt(2.0) * self.link * np.array([math.cos(self.heading), math.sin(self.heading)])
 
     def inverse(self, position: Array) -> Array:
         """Return the pulley angles [rad] for cap positions [m], shapes (..., 2).
 
         Raises:
-            DermisError: a position that the links cannot reach.
+            DermisError: the links cannot reach a position.
         """
         offset = np.asarray(position, dtype=np.float64) - self.axis
         x, y = offset[..., 0], offset[..., 1]
@@ -83,7 +85,7 @@ class ShearTactor:
                 limit=f"less than {2.0 * self.link:.6g} m from the pulleys' axis",
             )
         half = np.arccos(cosine) - math.pi / 4.0
-        # The angle from the heading, so that it never jumps at the +-180 degrees of arctan2.
+        # The angle is relative to the heading, so that it never jumps at the +-180 degrees of arctan2.
         c, s = math.cos(self.heading), math.sin(self.heading)
         turn = np.arctan2(c * y - s * x, c * x + s * y)
         return np.stack([turn - half, turn + half], axis=-1)
@@ -94,19 +96,20 @@ class ShearTactor:
         return self.link * np.stack([np.cos(q).sum(axis=-1), np.sin(q).sum(axis=-1)], axis=-1) + self.axis
 
     def _absolute(self, angles: Array) -> Array:
-        """Angles of the two rods from the pad's +X [rad]."""
+        """Return the angles of the two driven links from the pad's +X [rad]."""
         return np.asarray(angles) + np.array([self.heading - math.pi / 4.0, self.heading + math.pi / 4.0])
 
 
 def within_speed(target: Array, step: float, start: Array | None = None) -> tuple[Array, int]:
-    """Return a path that follows another one by at most `step` a sample, and how many samples differ.
+    """Return a path of limited speed, and the number of samples that it changes.
 
-    The cap goes straight towards where it should be, at top speed, until it has caught up. It starts at the first
-    target, or where it was. Limiting the cap itself, not each pulley, keeps pulleys and cap in step.
+    If the target is too fast, the cap moves straight towards the target at the largest speed, until it reaches the
+    target. The speed of the cap is limited, and not that of each pulley, so that cap and pulleys stay consistent.
 
     Args:
-        target: shape (n, 2). step: largest distance between two samples, in the same unit.
-        start: where it is at the first sample, shape (2,).
+        target: wanted positions, shape (n, 2).
+        step: largest distance between two samples, in the same unit.
+        start: position at the first sample, shape (2,); None for the first target.
     """
     asked = target
     if start is not None:

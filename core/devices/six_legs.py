@@ -1,7 +1,8 @@
-"""SixLegs: a six-leg platform as something that is searched for a pose, leg by leg within its stroke.
+"""SixLegs: a six-leg platform with strokes, as a device whose poses are searched.
 
-Configurations are x = (pitch, roll, distance, shift x, shift y, yaw): the disc turns by pitch about X, then roll about
-the turned Y, then yaw about its own axis, in a base frame that looks from the nail to the pad as the thimble's does.
+A configuration is x = (pitch, roll, distance, shift x, shift y, yaw). The disc turns by pitch about X, then by roll
+about the turned Y, then by yaw about its own axis. As for the thimble, +Z of the base frame points from the nail to the
+pad.
 
 Source: [S2] II and Fig. 2 for the mechanism; [S0] 3.1 for the search's constraints
 """
@@ -22,20 +23,21 @@ from .linkage import PlatformPose
 from .poses import Poses
 from .spec import DeviceSpec
 
-FIRM = 0.25  # of the reference configuration's hold: the least that a pose must have
+FIRM = 0.25  # least conditioning of a pose, as a share of that of the reference configuration
 _NEXT, _AFTER = [1, 2, 0], [2, 0, 1]
-_DOWN = np.diag([-1.0, 1.0, -1.0])  # the base's axes in the finger's frame
+_DOWN = np.diag([-1.0, 1.0, -1.0])  # axes of the base frame in the finger's frame
 
 
 @dataclass(frozen=True, eq=False)
 class SixLegs:
-    """The mechanism with its strokes.
+    """Six-leg platform with the strokes of its legs.
 
     Attributes:
-        hexapod: its joints and disc.
-        low, high: leg lengths [m], shape (6,) each.
-        servo_speed: speed of the slowest leg [m/s].
-        hold: conditioning that a pose must have, see `Hexapod.conditioning`.
+        hexapod: joints and disc.
+        low, high: smallest and largest leg lengths [m], shape (6,) each.
+        servo_speed: speed of the slowest leg [m/s]; inf if no leg has a limit.
+        hold: least conditioning of a pose, see `Hexapod.conditioning`.
+        mount: base frame in the finger's frame, shape (4, 4).
     """
 
     hexapod: Hexapod
@@ -50,7 +52,7 @@ class SixLegs:
         """Return a preset's platform.
 
         Raises:
-            DermisError: a leg without a range.
+            DermisError: a leg has no range.
         """
         ends = []
         for channel in spec.channels:
@@ -69,21 +71,21 @@ class SixLegs:
 
     @property
     def disc_radius(self) -> float:
-        """Of the surface that touches the skin [m]."""
+        """Radius of the surface that touches the skin [m]."""
         return self.hexapod.disc_radius
 
     @cached_property
     def platform_radius(self) -> float:
-        """Of the circle of the legs' joints on the platform [m]."""
+        """Radius of the circle of the legs' joints on the platform [m]."""
         return float(np.linalg.norm(self.hexapod.joints[0]))
 
     @property
     def servo_limits(self) -> tuple[Array, Array]:
-        """Shortest and longest every leg can be [m], shape (6,) each."""
+        """Smallest and largest length of each leg [m], shape (6,) each."""
         return self.low, self.high
 
     def pose(self, x: ArrayLike) -> PlatformPose:
-        """Return the disc's pose in the base frame at x, whose last three values are 0 where there are but three."""
+        """Return the disc's pose in the base frame; values that x lacks are 0."""
         at = np.zeros(6)
         at[: np.size(x)] = x
         pitch, roll, distance, east, north, yaw = at.tolist()
@@ -98,23 +100,29 @@ class SixLegs:
         return PlatformPose(rotation, np.array([-east, north, distance]), spin, shift, at)
 
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return the legs' lengths [m], shape (6,), and their derivative by x, shape (6, 6)."""
+        """Return leg lengths [m], shape (6,), and their derivative by x, shape (6, 6)."""
         pose = self.pose(x)
         length, along, moment = self._legs(pose)
         slopes: Array = along @ (_DOWN @ pose.d_centre) + moment @ (pose.spin @ _DOWN).T
         return length, slopes
 
     def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return the room to the longest and, after the hold, to the shortest, c >= 0, (13,), and dc/dx, (13, 6).
+        """Return the constraints c(x) >= 0, shape (13,), and dc/dx, shape (13, 6).
 
-        The slope of the hold is not worked out, and zero.
+        They are the room to the six largest lengths [m], the conditioning minus `hold`, and the room to the six
+        smallest lengths [m]. The derivative of the conditioning is not computed; zero is returned instead.
         """
         length, slopes = self.joints(x)
         room = np.concatenate([high - length, [self._hold(*self._legs(self.pose(x))[1:]) - self.hold], length - low])
         return room, np.concatenate([-slopes, np.zeros((1, 6)), slopes])
 
     def holds(self, x: Array, low: Array, high: Array) -> bool:
-        """Return whether all legs are within limits [m], shape (6,) each, and hold the platform firmly."""
+        """Return whether all legs are within limits and hold the platform firmly.
+
+        Args:
+            x: configuration, shape (6,).
+            low, high: smallest and largest leg lengths [m], shape (6,) each.
+        """
         length, along, moment = self._legs(self.pose(x))
         return bool((length >= low).all() and (length <= high).all() and self._hold(along, moment) >= self.hold)
 
@@ -123,10 +131,14 @@ class SixLegs:
         return self.holds(np.asarray(x, np.float64), self.low, self.high)
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration near `start` whose legs have these lengths [m], shape (6,): a leg's neutral is 0.
+        """Return the configuration near `start` with given leg lengths, shape (6,).
+
+        Args:
+            angles: leg lengths [m], shape (6,); they are absolute, and not relative to a neutral length.
+            start: configuration from which the search starts.
 
         Raises:
-            DermisError: no pose near it has.
+            DermisError: no pose with these lengths was found near `start`.
         """
         wanted = np.asarray(angles, np.float64)
         found = self.hexapod.carry(wanted[None], self._poses(start))
@@ -141,12 +153,17 @@ class SixLegs:
         return Poses((_DOWN @ pose.rotation @ _DOWN)[None], (_DOWN @ pose.centre)[None])
 
     def _legs(self, pose: PlatformPose) -> tuple[Array, Array, Array]:
-        """Return the legs' lengths, (6,), directions, (6, 3), and moments about the disc's centre, in the finger."""
+        """Return the legs' lengths, directions and moments in the finger's frame.
+
+        Returns:
+            Lengths [m], shape (6,); unit vectors along the legs, shape (6, 3); and their moments about the disc's
+            centre [m], shape (6, 3).
+        """
         arm = self.hexapod.joints @ (_DOWN @ pose.rotation @ _DOWN).T
         leg = arm + _DOWN @ pose.centre - self.hexapod.base
         length = np.sqrt((leg * leg).sum(axis=1))
         along = leg / length[:, None]
-        # arm x along: numpy's own costs more than the rest of the kinematics
+        # This is arm x along. `np.cross` would take longer than the rest of the kinematics.
         moment = arm[:, _NEXT] * along[:, _AFTER] - arm[:, _AFTER] * along[:, _NEXT]
         return length, along, moment
 

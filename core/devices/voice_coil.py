@@ -1,7 +1,7 @@
-"""VoiceCoil: a coil and a magnet that shake the fingertip, driven by a voltage through a measured response.
+"""VoiceCoil: a coil and a magnet that shake the fingertip, driven by a voltage.
 
-The wanted movement is a displacement along its one axis. The voltage for it is the inverse of the measured response, in
-the band in which that was measured.
+The wanted movement is a displacement along one axis. The voltage for it follows from the inverse of the measured
+response, in the measured band.
 """
 
 from __future__ import annotations
@@ -17,18 +17,19 @@ from .gain_curve import GainCurve, filter_taps, filtered
 from .spec import DeviceSpec
 
 DISPLACEMENT, VOLTAGE = "displacement", "voltage"
-# A wave of four samples a period or more keeps its amplitude when a track is made into sound (`track/upsampling.py`).
+# Least number of samples per period of a wave. With fewer, a wave would lose amplitude when a track is converted to
+# sound (`track/upsampling.py`).
 SAMPLES_A_PERIOD = 4.0
 
 
 @dataclass(frozen=True)
 class VoiceCoil:
-    """One actuator.
+    """Mechanism of a voice coil.
 
     Attributes:
-        radius: the displacement that a rendered 1 stands for, A [m].
-        response: acceleration [m/s^2] for each V.
-        rate: samples per second of its commands [Hz].
+        radius: displacement A for a rendered value of 1 [m].
+        response: acceleration per volt [m/s^2/V].
+        rate: commands per second [Hz].
     """
 
     radius: float
@@ -40,8 +41,8 @@ class VoiceCoil:
         """Read a device preset of kind 'voice_coil'.
 
         Raises:
-            DermisError: a channel, a limit or a parameter missing, no response, or a response beyond a quarter of the
-                rate.
+            DermisError: a channel, a limit or a parameter is missing or wrong, or the response reaches beyond a quarter
+                of the rate.
         """
         where = f"device preset '{spec.key}'"
         names = {c.name for c in spec.channels}
@@ -76,25 +77,35 @@ class VoiceCoil:
         return cls(spec.value("range"), response, spec.rate)
 
     def gain(self, frequency: Array) -> Array:
-        """Return the displacement for each V [m/V] at frequencies [Hz]; NaN outside of the measured band."""
+        """Return the displacement per volt at frequencies [Hz], in m/V.
+
+        It is NaN outside the measured band.
+        """
         return self.response.at(frequency) / (2.0 * np.pi * np.asarray(frequency)) ** 2
 
     @cached_property
     def drive_taps(self) -> Array:
-        """Weights that turn displacements [m] into the voltage [V], the newest sample's first, shape (taps,)."""
+        """Weights that convert displacements [m] to the voltage [V], shape (taps,).
+
+        The first one is that of the newest sample.
+        """
         return filter_taps(lambda frequency: 1.0 / self.gain(frequency), self.response.band, self.rate)
 
     def volts(self, displacement: Array, before: Array | None = None) -> Array:
-        """Return the voltage [V] for displacements [m] at the device's rate, shapes (n,).
+        """Return the voltage [V] for displacements at the device's rate, shape (n,).
 
         Args:
-            before: the displacements before them, shape (taps - 1,); None: the first one, for ever, so that a coil
-                that is not at rest at first does not knock.
+            displacement: displacements [m], shape (n,).
+            before: displacements before these [m], shape (taps - 1,). If it is None, the first displacement counts as
+                held before. A coil that does not start at zero then does not knock.
         """
         return filtered(np.concatenate([self._before(displacement, before), displacement]), self.drive_taps)
 
     def history(self, displacement: Array, before: Array | None, index: int) -> Array:
-        """Return the displacements before one of them [m], as `volts` takes them, shape (taps - 1,)."""
+        """Return the displacements before that of an index [m], shape (taps - 1,).
+
+        They are the `before` of `volts` for the displacements from this index on.
+        """
         whole = np.concatenate([self._before(displacement, before), displacement])
         return whole[index : index + len(self.drive_taps) - 1].copy()
 

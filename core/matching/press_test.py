@@ -1,6 +1,6 @@
-"""The personal stiffness factor alpha, from a press test.
+"""Personal stiffness factor alpha, from a press test.
 
-A finger is pressed by known depths and the loads are read; alpha is the factor between those loads and the model's.
+A finger is pressed to known depths, and the loads are read. Alpha is the ratio of these loads to the model's loads.
 Source: [S1] IV.D (there written the other way round: here alpha multiplies the model, E = alpha E0).
 """
 
@@ -15,23 +15,23 @@ from ..arrays import Array
 from ..contact.single_touch import SingleTouch
 from ..contact.solver.bodies import ContactBody
 from ..errors import DermisError
-from ..parameters.material import FRICTION  # of the push plate too: it changes the load of a press by little
+from ..parameters.material import FRICTION  # also that of the plate, which hardly affects the load
 from ..parameters.skin import CONTACT
 from ..skin.model import SkinModel
 from ..surface.gap import Surface
 
-DEPTHS = (0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # [m] of the press test. Source: [S1] IV.D
-PLATE = 0.1  # side of the plate: larger than any finger [m]
-PAPER_RANGE = (0.61, 0.90)  # alpha of the ten people of [S1] fig. 6
+DEPTHS = (0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # [m] depths of the press test. Source: [S1] IV.D
+PLATE = 0.1  # [m] side of the plate, larger than any finger
+PAPER_RANGE = (0.61, 0.90)  # range of alpha of the ten people of [S1] fig. 6
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """A stiffness factor and how well it is known.
+    """Stiffness factor, and its accuracy.
 
     Attributes:
         alpha: least-squares factor, measured load = alpha * model load.
-        standard_error: standard error of alpha, from the scatter of the readings; NaN with fewer than three of them.
+        standard_error: standard error of alpha, from the scatter of the readings; NaN for fewer than three readings.
         residual: RMS of measured minus fitted load [N].
     """
 
@@ -43,14 +43,17 @@ class Calibration:
 def press_loads(
     skin: SkinModel, depths: ArrayLike = DEPTHS, friction: float = FRICTION, contact: str = CONTACT
 ) -> Array:
-    """Return the loads of a flat plate pressed into a skin to each depth, with the skin's own E and alpha [N].
+    """Return the loads of a flat plate pressed into a skin to each depth [N].
 
     Args:
-        depths: beyond first contact, rising from above zero [m], shape (n,).
-        contact: at the 'nodes' of the skin's mesh, or on 'points' of the smooth skin, as the finger's touches are.
+        skin: the skin, with its own E and alpha.
+        depths: depths beyond first contact, rising and above zero [m], shape (n,).
+        friction: Coulomb coefficient of the plate.
+        contact: 'nodes' for contact at the nodes of the skin's mesh, 'points' for contact on points of the smooth skin.
+            It should be that of the finger's touches.
 
     Raises:
-        DermisError: depths that do not rise from above zero.
+        DermisError: the depths are not rising or not above zero.
 
     Source: [S1] IV.D
     """
@@ -66,12 +69,14 @@ def stiffness_factor(depths: ArrayLike, measured: ArrayLike, modelled: ArrayLike
     """Fit alpha in measured = alpha * modelled by least squares.
 
     Args:
-        depths: indentations [m], rising, shape (n,).
-        measured: loads read [N], shape (n,). modelled: the model's loads at the same depths with E0 [N], shape (n,).
+        depths: indentations, rising and above zero [m], shape (n,).
+        measured: loads that were read [N], shape (n,).
+        modelled: loads of the model with E0 at the same depths [N], shape (n,).
 
     Raises:
-        DermisError: fewer than two readings, different lengths, values that are not finite, depths that do not
-            rise, loads that are negative or fall while the depth rises, or a model without load.
+        DermisError: there are fewer than two readings, the lengths differ, a value is not finite, the depths are not
+            rising or not above zero, a measured load is negative or does not rise with the depth, or the model has no
+            load.
     """
     where = "press test"
     d, f, g = (np.asarray(a, dtype=np.float64) for a in (depths, measured, modelled))

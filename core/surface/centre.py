@@ -20,8 +20,9 @@ _CENTRES: weakref.WeakKeyDictionary[Mesh, Array] = weakref.WeakKeyDictionary()
 def centre_of(mesh: Mesh) -> Array:
     """Return the centre of gravity of a mesh [m], shape (3,).
 
-    It is the centroid of the enclosed volume, for a homogeneous solid, or the mean of the vertices if no volume is
-    enclosed. A linear map of the mesh maps the centre alike. The result is kept as long as the mesh exists.
+    It is the centroid of the enclosed volume, as for a homogeneous solid, or the mean of the vertices if no volume is
+    enclosed. If a linear map moves the mesh, it moves the centre likewise. The result is kept as long as the mesh
+    exists.
     """
     if mesh not in _CENTRES:
         _CENTRES[mesh] = _centre_of(mesh)
@@ -42,15 +43,19 @@ def _centre_of(mesh: Mesh) -> Array:
 
 
 def centres_of(meshes: Sequence[Mesh]) -> Array:
-    """Return the centres of meshes of consecutive samples [m], shape (n, 3); NaN while the object is absent."""
+    """Return the centres of meshes of consecutive samples [m], shape (n, 3).
+
+    They are NaN while the object is absent.
+    """
     nowhere = np.full(3, np.nan)
     return np.array([nowhere if np.array_equal(m.vertices, ABSENT.vertices) else centre_of(m) for m in meshes])
 
 
 def held_centres(centres: Array) -> Array:
-    """Replace the centres of an absent object, shape (n, 3), by the last one, or at the begin by the first one.
+    """Replace the centres of an absent object by the last one before, shape (n, 3).
 
-    An absent object then has no velocity and acceleration when it appears again.
+    If there is none before, the first one after is used. An object then has no velocity and acceleration while it is
+    absent. If it is always absent, all centres are zero.
     """
     there: NDArray[np.bool_] = np.isfinite(centres[:, 0])
     if there.all() or not there.any():

@@ -1,4 +1,4 @@
-"""First crossing of straight lines with a surface, also for objects thinner than a step."""
+"""First crossing of line segments with a surface, also for thin objects."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..arrays import Array, Indices
 from .triangles import TriangleTable
 
-# A line that passes a triangle within this share of its size crosses it, so that none passes between two triangles.
+# A line that passes a triangle at up to this share of its size crosses it, so that no line slips between two triangles.
 OVERLAP = 1e-9
 # Number of pairs of a line and a triangle that are tested at once.
 PAIRS_AT_ONCE = 1_500_000

@@ -1,4 +1,4 @@
-"""A sampled scene with its objects' faces curved, for scenes that came flat."""
+"""Curved surfaces for a sampled scene whose objects have flat faces."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ from .curved import SHARP, TOLERANCE, CurvedMesh, corner_normals, curved_mesh, s
 
 
 def curved_scene(scene: TactileScene, names: Sequence[str] = (), sharp: float = SHARP) -> TactileScene:
-    """Return a scene in which bodies have the curved surfaces that their faces stand for; its chunks come once.
+    """Return a scene in which bodies have curved surfaces instead of flat faces.
+
+    The chunks of the returned scene can be read once. Reading them reads those of `scene`.
 
     Args:
+        scene: the sampled scene.
         names: names of the bodies; all bodies if empty.
-        sharp: least angle between two faces that meet in an edge [rad].
+        sharp: angle between two faces [rad]. At this angle or more the edge between them is sharp.
 
     Raises:
-        DermisError: no such body.
+        DermisError: the scene has no such body.
     """
     known = [body.name for body in scene.bodies]
     for name in names:
@@ -48,7 +51,10 @@ def curved_scene(scene: TactileScene, names: Sequence[str] = (), sharp: float = 
 
 
 class _Follower:
-    """Curves the surfaces of one body, with the same triangles while theirs are."""
+    """Curved surfaces of one body, sample after sample.
+
+    While the flat triangles are the same array, `CurvedMesh.moved` keeps the curved triangles.
+    """
 
     def __init__(self, tolerance: float, sharp: float) -> None:
         self._tolerance, self._sharp = tolerance, sharp

@@ -29,7 +29,7 @@ class KernelBody:
         slabs: directions, and the extent of the surface along them, shape (k, 5).
         outside: winding number of points outside.
         by_rays: initial value of the attribute.
-        other: a solid that intersects this one; both together are the body.
+        other: a solid that intersects this one; both together are the body. None for a single solid.
 
     Attributes:
         by_rays: whether rays determine the side of all points; otherwise the closest triangle does if it can.

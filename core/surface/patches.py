@@ -1,8 +1,9 @@
-"""Patches: the curved surface that a triangle mesh and its corners' normals stand for.
+"""Patches: the curved surface that a triangle mesh and its corners' normals define.
 
-A cubic Bezier triangle stands over each triangle, through its corners and square to their normals. Its edges depend on
-nothing but the two ends' places and normals, so neighbours meet without a gap. Along a sharp edge, where the normals of
-its two sides differ, the edge runs in both sides' tangent planes: a cylinder's rim becomes round and stays sharp.
+There is a cubic Bezier triangle over each triangle. It goes through the triangle's corners and is perpendicular to
+their normals. The shape of an edge depends only on the positions and normals of its two ends, so neighbours meet
+without a gap. An edge is sharp where the normals of its two sides differ. Its tangents then lie in the tangent planes
+of both sides, so the rim of a cylinder becomes round and stays sharp.
 
 Source: Vlachos, Peters, Boyd, Mitchell 2001, Curved PN triangles; edges bend as circular arcs do instead of by a third
 of the chord, which is wrong by 3/8 R phi^4 over an arc of 2 phi
@@ -16,12 +17,14 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from .topology import IRREGULAR, Topology
 
-ALIKE = 0.9994  # cosine of 2 degrees: normals of one smooth surface, as accurately as modelling programs keep them
-# Cosine between an edge and its tangent below which it stays straight: 33.5 degrees. An icosahedron's edges (31.7) bend
-# to a ball; a cube that shades smooth (35.3) is a cube.
+# Two normals whose cosine is above this belong to one smooth surface. It is the cosine of 2 degrees, the accuracy of
+# normals in modelling programs.
+ALIKE = 0.9994
+# Least cosine between a bent edge's tangent and its chord, that of 33.5 degrees. Steeper edges stay straight. The edges
+# of an icosahedron (31.7 degrees) bend to a ball; those of a cube that is shaded smooth (35.3 degrees) stay straight.
 STEEPEST = 0.8339
-FOLDS = 8  # rounds in which edges of patches that would fold are made straight
-# Corners of the 16 small triangles on which folds are looked for, in quarters along two edges.
+FOLDS = 8  # largest number of rounds in which the edges of patches that would fold are made straight
+# Corners of the 16 small triangles on which a patch is tested for folds, in quarters along two edges.
 _GRID = np.array([(i, j) for i in range(5) for j in range(5 - i)])
 _SMALL = np.array(
     [[(i, j), (i + 1, j), (i, j + 1)] for i in range(4) for j in range(4 - i)]
@@ -30,14 +33,17 @@ _SMALL = np.array(
 
 
 class Patches:
-    """Bezier triangles over the triangles of one topology, whatever its shape.
+    """Bezier triangles over the triangles of a mesh, whose vertices may move.
 
     Args:
-        vertices: [m], shape (V, 3). normals: unit, of each triangle's corners, shape (T, 3, 3).
-        triangles: shape (T, 3).
+        vertices: vertices of the mesh in its first shape [m], shape (V, 3).
+        normals: unit normals at each triangle's corners, shape (T, 3, 3).
+        triangles: indices of vertices, shape (T, 3).
 
     Attributes:
-        triangles: as given. topology: how they hang together. straight: edges that stay so, shape (T, 3).
+        triangles: the triangles, as given.
+        topology: adjacency of the triangles.
+        straight: whether each edge is straight in all shapes, shape (T, 3).
     """
 
     def __init__(self, vertices: Array, normals: Array, triangles: NDArray[np.int32]) -> None:
@@ -47,7 +53,7 @@ class Patches:
         own = np.arange(self._twin.size).reshape(-1, 3)
         alone = self._twin == own
         following = own[:, [1, 2, 0]]
-        # which corner of the other side lies at an edge's start, and which at its end
+        # The corner of the other side at an edge's start, and that at its end.
         self._start = np.where(alone, own, following.reshape(-1)[self._twin])
         self._end = np.where(alone, following, self._twin)
         self.straight = self.topology.edge_kind == IRREGULAR
@@ -59,10 +65,13 @@ class Patches:
             self.straight |= new
 
     def net(self, vertices: Array, normals: Array) -> Array:
-        """Return control points: three corners, two on each edge, one amid [m], shape (T, 10, 3).
+        """Return the control points of all patches [m], shape (T, 10, 3).
+
+        They are the three corners, then two on each edge, then one in the middle.
 
         Args:
-            vertices: the same ones as at first, anywhere. normals: as at first.
+            vertices: vertices of the mesh in any shape [m], shape (V, 3).
+            normals: unit normals at each triangle's corners, shape (T, 3, 3).
         """
         start = vertices[self.triangles]
         end = start[:, [1, 2, 0]]
@@ -71,13 +80,16 @@ class Patches:
         first = start + _handle(chord, normals, each[self._start], self.straight)
         second = end + _handle(-chord, normals[:, [1, 2, 0]], each[self._end], self.straight)
         edges = np.stack([first, second], axis=2).reshape(-1, 6, 3)
-        # exact where the surface is quadratic
+        # The middle point is exact if the surface is quadratic.
         middle = 1.5 * edges.mean(axis=1) - 0.5 * start.mean(axis=1)
         return np.concatenate([start, edges, middle[:, None]], axis=1)
 
 
 def bends(net: Array) -> Array:
-    """Return how far the edges' control points lie from the flat triangle's edges [m], shape (T,)."""
+    """Return the bend of each patch [m], shape (T,).
+
+    It is the largest distance between a control point of an edge and its place on the straight edge.
+    """
     corners, edges = net[:, :3], net[:, 3:9].reshape(-1, 3, 2, 3)
     ends = np.stack([corners, corners[:, [1, 2, 0]]], axis=2)
     flat = (2.0 * ends + ends[:, :, ::-1]) / 3.0
@@ -88,7 +100,7 @@ def weights(places: Array) -> Array:
     """Return the weight of each control point at places on a patch, shape (n, 10).
 
     Args:
-        places: barycentric, shape (n, 3).
+        places: barycentric coordinates on the patch, shape (n, 3).
     """
     u, v, w = places.T
     corners = [u**3, v**3, w**3]
@@ -97,10 +109,14 @@ def weights(places: Array) -> Array:
 
 
 def _handle(chord: Array, own: Array, other: Array, straight: NDArray[np.bool_]) -> Array:
-    """Return the way from an edge's end to the control point next to it, shape (T, 3, 3).
+    """Return the vector from an edge's end to the next control point [m].
+
+    Its shape, and that of all vectors here, is (T, 3, 3): one for each triangle and edge.
 
     Args:
-        chord: to the edge's other end. own, other: normals of its two sides at this end. straight: shape (T, 3).
+        chord: vector to the edge's other end [m].
+        own, other: unit normals of the edge's two sides at this end.
+        straight: whether an edge is straight in all shapes, shape (T, 3).
     """
     length = np.linalg.norm(chord, axis=2)
     along = chord / np.maximum(length, 1e-300)[..., None]
@@ -112,26 +128,30 @@ def _handle(chord: Array, own: Array, other: Array, straight: NDArray[np.bool_])
     tangent = _unit(np.where(smooth[..., None], on_plane, crease))
     cosine = np.einsum("tki,tki->tk", tangent, along)
     plain = straight | ~(cosine >= STEEPEST)
-    reach = np.where(plain, 1.0, 2.0 / (1.0 + cosine)) * length / 3.0  # of an arc, to the fifth order
+    reach = np.where(plain, 1.0, 2.0 / (1.0 + cosine)) * length / 3.0  # that of a circular arc, to the fifth order
     return np.asarray(np.where(plain[..., None], along, tangent) * reach[..., None])
 
 
 def _twins(topology: Topology) -> NDArray[np.int64]:
-    """Return for each edge, 3 t + k, the same one of the triangle across; itself where there is none, shape (T, 3)."""
+    """Return for each edge the index of the same edge in the other triangle, shape (T, 3).
+
+    Edge k of triangle t has the index 3 t + k. An edge without another triangle has its own index.
+    """
     corners, across = topology.corners, topology.across
     own = np.arange(corners.size).reshape(-1, 3)
     end = corners[:, [1, 2, 0]]
-    match = corners[across] == end[..., None]  # the other side begins where this one ends
+    match = corners[across] == end[..., None]  # the other triangle has the edge in the other direction
     match &= corners[across][..., [1, 2, 0]] == corners[..., None]
     twin = 3 * across + match.argmax(axis=2)
     return np.where((across >= 0) & match.any(axis=2), twin, own)
 
 
 def _folds(net: Array) -> NDArray[np.bool_]:
-    """Return which patches turn over somewhere, shape (T,)."""
+    """Return which patches fold over somewhere, shape (T,)."""
     sides = net[:, [1, 2, 0]] - net[:, :3]
     area = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    # control points lie a third of the triangle's height apart: those that move by much less keep their order
+    # Control points are a third of the triangle's height apart. If they move by at most 1/16 of it, they keep their
+    # order, and the patch needs no test.
     out = bends(net) * np.linalg.norm(sides, axis=2).max(axis=1) > area / 16.0
     out[out] = _turn_over(net[out])
     return np.asarray(out)

@@ -1,6 +1,6 @@
-"""Signed gaps by numpy: for devices without a skin where no kernels can be loaded.
+"""Signed gaps computed by numpy, for devices without a skin if no kernels are available.
 
-They are exact and slow. All else takes `KernelBody`; both agree but for rounding.
+They are exact, but slow to compute. Everything else uses `KernelBody`. The results of both agree except for rounding.
 """
 
 from __future__ import annotations
@@ -14,20 +14,22 @@ from .topology import BOUNDARY, Topology
 from .triangles import TriangleTable
 from .winding import winding
 
-# As in core/kernels: triangles as close as this, relative to the square, are told apart by their number; weights below
-# the next count as on an edge or a corner; nearer than `ON_SURFACE` [m] a way has no direction; a point that is off by
-# less than `STRAIGHT` of its distance is straight above a rim.
+# These are the values of core/kernels.
+# TIE: triangles are equally close if their squared distances differ by less than this share; the lowest index is taken.
+# ON_FEATURE: a weight up to this counts as zero, so the point is on an edge or a corner.
+# ON_SURFACE: [m] up to this distance, the direction to the surface is not defined.
+# STRAIGHT: a point is straight above a rim if its offset along the face is up to this share of its distance.
 TIE, ON_FEATURE, ON_SURFACE, STRAIGHT = 1e-12, 1e-9, 1e-9, 1e-6
-# A margin for rounding, relative to lengths.
+# Margin for rounding, relative to lengths.
 SLACK = 1e-9
 
 
 class PlainTriangles:
-    """The usable triangles of one surface; there must be one at least.
+    """Usable triangles of one surface, at least one.
 
     Args:
         table: the triangles.
-        topology: topology of the triangles.
+        topology: adjacency of the triangles.
         corners: corners of the triangles [m], shape (T, 3, 3).
     """
 
@@ -60,12 +62,15 @@ class PlainTriangles:
             least = float(square.min())
             if least > reach * reach:
                 continue
-            ties = np.flatnonzero(square <= least * (1.0 + TIE))  # the lowest number first
+            ties = np.flatnonzero(square <= least * (1.0 + TIE))  # the lowest index comes first
             self._put(found, i, x, close[ties], weights[:, ties], bool(inside[i]))
         return found
 
     def _inside(self, points: Array) -> NDArray[np.bool_]:
-        """Tell which points a closed surface encloses, or leaves out where it is inside out, shape (n,)."""
+        """Return which points are inside, shape (n,); none for an open surface.
+
+        For a closed surface that is inside out, these are the points that it does not enclose.
+        """
         if not self._topology.closed or not len(points):
             return np.zeros(len(points), dtype=np.bool_)
         a, b, c = np.moveaxis(self._corners, 1, 0)
@@ -73,7 +78,16 @@ class PlainTriangles:
         return np.asarray(winding(self._corners, points) > (0.5 if volume >= 0.0 else -0.5))
 
     def _put(self, found: GapQuery, i: int, x: Array, ties: Indices, weights: Array, inside: bool) -> None:
-        """Answer for a point, given the triangles that are equally close and the weights of the closest points."""
+        """Set the result of point i.
+
+        Args:
+            found: results of all points.
+            i: index of the point.
+            x: the point [m], shape (3,).
+            ties: indices of the closest triangles, which are equally close, shape (k,).
+            weights: barycentric weights of the closest points on these triangles, shape (3, k).
+            inside: whether the point is inside a closed surface.
+        """
         t, of = ties[0], weights[:, 0]
         a, ab, ac = self._table.rows[:9, t].reshape(3, 3)
         found.triangle[i], found.weights[i], found.point[i] = t, of, a + of[1] * ab + of[2] * ac
@@ -93,7 +107,7 @@ class PlainTriangles:
             found.normal[i] = mean / length if length > SLACK else normals[:, 0]
 
     def _on_rim(self, triangle: int, weights: Array) -> bool:
-        """Tell whether a point of a triangle lies on the rim of an open surface."""
+        """Return whether a point of a triangle lies on the rim of an open surface."""
         zero = weights <= ON_FEATURE
         if zero.sum() == 2:
             vertex = self._topology.corners[triangle, weights.argmax()]
@@ -101,14 +115,22 @@ class PlainTriangles:
         return bool(zero.any() and self._topology.edge_kind[triangle, (zero.argmax() + 1) % 3] == BOUNDARY)
 
     def _measured(self, x: Array, triangle: Indices) -> tuple[Array, Array]:
-        """Return squared distances of a point to triangles [m^2], (k,), and the closest points' weights, (3, k)."""
+        """Return squared distances of a point from triangles, and closest points.
+
+        Args:
+            x: the point [m], shape (3,).
+            triangle: indices of the triangles, shape (k,).
+
+        Returns:
+            Squared distances [m^2], shape (k,); barycentric weights of the closest points, shape (3, k).
+        """
         rows = self._table.rows.take(triangle, axis=1)
         edges = np.stack([rows[3:6], rows[6:9], rows[6:9] - rows[3:6]])
         v = x[:, None] - rows[0:3]
         starts = np.stack([v, v, v - rows[3:6]])
         share = np.clip((starts * edges).sum(axis=1) / np.maximum(rows[9:12], 1e-300), 0.0, 1.0)
         u, w = np.zeros((2, triangle.size))
-        for _ in range(3):  # the rest along the face is the error of the guess
+        for _ in range(3):  # the offset that is left along the face is the error of u and w
             left = v - u * edges[0] - w * edges[1]
             along = (left * edges[0]).sum(axis=0), (left * edges[1]).sum(axis=0)
             u = u + (rows[10] * along[0] - rows[12] * along[1]) * rows[13]

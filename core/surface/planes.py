@@ -1,6 +1,7 @@
-"""Planes: faces of a surface that lie in one plane and touch, however they are cut into triangles, and their rims.
+"""Planes and pieces of a triangle surface.
 
-Pieces are parts of a surface within which it bends gently from triangle to triangle; creases lie between them.
+A plane is a set of connected triangles that lie in one plane; its rim is its outline. A piece is a part of the surface
+that bends gently from triangle to triangle; creases are between pieces.
 """
 
 from __future__ import annotations
@@ -13,30 +14,35 @@ from ..arrays import Array, Indices
 from .topology import Topology
 from .triangles import TriangleTable
 
-# A gentle bend has no radius below this [m]; a fold between large triangles is judged as if they were so small [m].
+# [m] Smallest radius of a gentle bend.
+# [m] Largest distance between the middles of two triangles; triangles further apart are judged as if they were so near.
 RADIUS, LARGE = 5e-3, 1e-3
-# Triangles whose normals differ by less than this, as 1 - cosine, lie in one plane.
+# Triangles lie in one plane if 1 minus the cosine between their normals is below this.
 LEVEL = 1e-9
-# A plane whose rim has more edges than this counts as its triangles: to measure to each of them would take too long.
+# Largest number of edges of a rim. Of a plane with more, each triangle counts as a plane of its own, since distances
+# to so many edges would take too long.
 MOST = 128
 
 
 def pieces(table: TriangleTable, topology: Topology) -> Indices:
-    """Return which piece of a surface each triangle belongs to, shape (T,)."""
+    """Return the index of each triangle's piece, shape (T,)."""
     ab, ac = table.rows[3:6].T, table.rows[6:9].T
     lengths = np.sqrt(np.maximum(table.rows[[9, 11, 10]].T, 1e-300))
     heights = np.sqrt((np.cross(ab, ac) ** 2).sum(axis=1))[:, None] / lengths  # above each edge
-    back = topology.across[topology.across]  # of the neighbour across each edge, its own neighbours
+    back = topology.across[topology.across]  # the neighbours of the neighbour at each edge
     own = (back == np.arange(len(ab))[:, None, None]).argmax(axis=2)
-    apart = (heights + heights[topology.across, own]) / 3.0  # of the middles, across the edge
+    apart = (heights + heights[topology.across, own]) / 3.0  # distance between the middles, across the edge
     return joined(table, topology, np.cos(np.minimum(apart, LARGE) / RADIUS))
 
 
 def joined(table: TriangleTable, topology: Topology, smallest: Array | float) -> Indices:
-    """Return which triangles go together, by number, shape (T,).
+    """Join triangles across edges; return the index of each triangle's group, shape (T,).
 
     Args:
-        smallest: cosine of the normals of two that do, of each triangle and edge, shape (T, 3), or of all.
+        table: the triangles.
+        topology: adjacency of the triangles.
+        smallest: neighbours are joined if the cosine between their normals is above this; one value for all edges, or
+            one for each triangle and edge, shape (T, 3).
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -54,8 +60,8 @@ class Planes(NamedTuple):
 
     Attributes:
         plane: index of the plane of each triangle, shape (T,).
-        first: where the rim of each plane begins among all edges of rims, and where the last ends, shape (P + 1,).
-        start, way: first point and vector of each edge of a rim [m], shape (E, 3).
+        first: index of the first edge of each plane's rim in `start`, and finally E, shape (P + 1,).
+        start, way: first point and vector of each edge of a rim [m], shape (E, 3), ordered by plane.
     """
 
     plane: Indices
@@ -65,11 +71,11 @@ class Planes(NamedTuple):
 
     @classmethod
     def of(cls, table: TriangleTable, topology: Topology) -> Planes:
-        """Find the planes."""
+        """Return the planes of a surface."""
         normals, across = table.bounds[3:6].T, topology.across
         plane = joined(table, topology, 1.0 - LEVEL)
         one = np.unique(plane, return_index=True)[1][plane]  # a triangle of the same plane
-        bent = plane[~(np.einsum("tk,tk->t", normals, normals[one]) > 1.0 - LEVEL)]  # level step by step alone
+        bent = plane[~(np.einsum("tk,tk->t", normals, normals[one]) > 1.0 - LEVEL)]  # level from step to step only
         long = np.flatnonzero(np.bincount(plane[_rims(plane, across)[0]]) > MOST)
         alone = np.flatnonzero(np.isin(plane, np.concatenate([bent, long])))
         plane[alone] = plane.max() + 1 + np.arange(len(alone))
@@ -83,10 +89,13 @@ class Planes(NamedTuple):
         return cls(plane, np.searchsorted(plane[triangle], np.arange(plane.max() + 2)), start, way)
 
     def rim(self, triangle: Indices, points: Array) -> Array:
-        """Return how far it is from points of triangles to the rims of their planes [m], shape (n,); inf without one.
+        """Return the distance of points from the rims of their planes [m], shape (n,).
+
+        It is inf for a plane without a rim.
 
         Args:
-            triangle: that each point lies on, shape (n,). points: [m], shape (n, 3).
+            triangle: index of the triangle on which each point lies, shape (n,).
+            points: the points [m], shape (n, 3).
         """
         plane = self.plane[triangle]
         counts = self.first[plane + 1] - self.first[plane]
@@ -102,6 +111,6 @@ class Planes(NamedTuple):
 
 
 def _rims(plane: Indices, across: Indices) -> tuple[Indices, Indices]:
-    """Return the edges that lie on rims: of which triangle, and which of its own."""
+    """Return the edges on rims: indices of their triangles, and of the edges in these."""
     triangle, edge = ((across < 0) | (plane[across] != plane[:, None])).nonzero()
     return triangle, edge

@@ -1,4 +1,4 @@
-"""Repairs: values of a scene that are not finite are held at the last good one, and reported."""
+"""Repairs of a scene: values that are not finite are replaced and reported."""
 
 from __future__ import annotations
 
@@ -13,23 +13,32 @@ from ..scene.tactile_scene import Chunk, TactileScene, constant
 
 
 class Repairs:
-    """Mends poses and animated values over the chunks of a scene."""
+    """Replaces bad poses and animated values over the chunks of a scene."""
 
     def __init__(self) -> None:
         self._bad: dict[tuple[str, str], list[float]] = {}
-        self._last_pose: dict[str, Array] = {}  # of each of a kind; NaN where none was good yet
+        self._last_pose: dict[str, Array] = {}  # by kind, shape (k, 4, 4); NaN before the first good pose
 
     def note(self, code: str, name: str, frames: list[float]) -> None:
-        """Remember frames in which something was bad."""
+        """Record frames in which a value was bad.
+
+        Args:
+            code: code of the finding, see `findings`.
+            name: name of the object or value.
+            frames: numbers of the frames.
+        """
         self._bad.setdefault((code, name), []).extend(frames)
 
     def poses(self, kind: str, names: list[str], poses: Array, frames: Array) -> Array:
-        """Hold the last good pose where one is not finite, and remember where that was.
+        """Replace poses that are not finite by the last good one; record their frames.
+
+        If there was no good pose before, the first good one of these samples is used, or else the identity.
 
         Args:
             kind: 'finger', 'object' or 'screen'.
-            names: name of each, for findings.
-            poses: shape (k, n, 4, 4). frames: shape (n,).
+            names: names of the k things that have the poses, for findings.
+            poses: poses at n samples, shape (k, n, 4, 4).
+            frames: frame numbers of the samples, shape (n,).
         """
         good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(poses), axis=(2, 3))
         before = self._last_pose.get(kind)
@@ -50,13 +59,13 @@ class Repairs:
         return poses
 
     def animated(self, chunks: Sequence[Chunk], frames: Array, scene: TactileScene) -> dict[str, Array]:
-        """Join the animated parameters, and hold the last good value where one is not finite.
+        """Join the animated parameters of all chunks; replace values that are not finite.
 
-        Where a chunk does not bring a parameter, the header's value holds.
+        A value that is not finite is replaced by the last good one, or by the first good one if there is none before.
+        If a chunk does not have a parameter, the value in the scene's header is used.
 
         Raises:
-            DermisError: an animated parameter that has a wrong length, is never finite, or that the header does not
-                have and a chunk lacks.
+            DermisError: a parameter has a wrong length, is never finite, or is neither in a chunk nor in the header.
         """
         joined: dict[str, Array] = {}
         for key in sorted({key for c in chunks for key in c.animated}):
@@ -87,7 +96,7 @@ class Repairs:
         return joined
 
     def findings(self) -> Iterator[Finding]:
-        """Yield findings of bad values, by kind and name."""
+        """Yield findings of bad values, ordered by code and name."""
         for (code, name), bad in sorted(self._bad.items()):
             if code == "zero-scale":
                 yield Finding(

@@ -1,4 +1,7 @@
-"""Surfaces of a few numbers, to press a finger on: closed, their highest point at the origin, +Z out of it."""
+"""Closed surfaces to press a finger on: ball, block and wedge.
+
+The highest point of each is at the origin, and +Z points out of the surface there.
+"""
 
 from __future__ import annotations
 
@@ -8,18 +11,19 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import DermisError
 
-MAX_FACETS = 1_000_000  # the surface is off by 3e-6 of its radius then
+MAX_FACETS = 1_000_000  # largest number of a ball's triangles; its surface is then off by 3e-6 of the radius
 Shape = tuple[Array, NDArray[np.int64]]  # vertices [m], shape (V, 3), and triangles, counter-clockwise from outside
 
 
 def sphere(radius: float, facets: int = 20_000) -> Shape:
-    """Return a ball whose facets lie outside and inside by the same: its volume is the ball's.
+    """Return a ball made of triangles, with the exact volume of the ball.
 
     Args:
-        radius: [m]. facets: triangles, at least; the surface is off by about radius * 3 / facets.
+        radius: radius of the ball [m].
+        facets: least number of triangles. The surface is off by about radius * 3 / facets, to both sides.
 
     Raises:
-        DermisError: a radius that is not above zero, or more facets than are of use.
+        DermisError: the radius is not above zero, or `facets` is not from 1 to `MAX_FACETS`.
     """
     _positive("radius", radius)
     if not 0 < facets <= MAX_FACETS:
@@ -55,10 +59,13 @@ def sphere(radius: float, facets: int = 20_000) -> Shape:
 
 
 def block(width: float = 0.05, length: float = 0.05, height: float = 0.02) -> Shape:
-    """Return a block whose upper face is level [m]: X, Y and Z.
+    """Return a block with a level upper face.
+
+    Args:
+        width, length, height: size along X, Y and Z [m].
 
     Raises:
-        DermisError: a length that is not above zero.
+        DermisError: a length is not above zero.
     """
     for name, value in (("width", width), ("length", length), ("height", height)):
         _positive(name, value)
@@ -70,18 +77,20 @@ def edge(angle: float = np.pi / 2, rounding: float = 0.2e-3, length: float = 0.0
     """Return a wedge whose edge points up and runs along Y.
 
     Args:
-        angle: between its faces [rad]. rounding: radius of the edge [m]. length: along the edge [m].
-        height: from the edge to the wedge's foot [m].
+        angle: angle between its faces [rad].
+        rounding: radius of the edge [m].
+        length: length of the edge [m].
+        height: height of the edge above the wedge's foot [m].
 
     Raises:
-        DermisError: an angle that is none of a wedge, or a length that is not above zero.
+        DermisError: the angle is not between 0 and pi, or a length is not above zero.
     """
     if not 0.0 < angle < np.pi:
         raise DermisError("not the angle of a wedge", where="angle", value=angle, limit="above 0, below pi rad")
     for name, value in (("rounding", rounding), ("length", length), ("height", height)):
         _positive(name, value)
     half = angle / 2
-    turn = np.pi / 2 - half  # of the arc to either side of straight up
+    turn = np.pi / 2 - half  # half of the arc's angle; the arc is symmetric about +Z
     arcs = np.linspace(turn, -turn, max(int(np.ceil(turn / np.radians(3.0))), 2) * 2 + 1)
     arc = rounding * np.stack([np.sin(arcs), np.cos(arcs) - 1.0], axis=1)
     x, z = arc[0]
@@ -90,7 +99,12 @@ def edge(angle: float = np.pi / 2, rounding: float = 0.2e-3, length: float = 0.0
 
 
 def _drawn_out(profile: Array, length: float) -> Shape:
-    """Return the prism over a convex profile in x and z, counter-clockwise seen from -Y, from -length/2 to length/2."""
+    """Return the prism over a convex profile.
+
+    Args:
+        profile: corners in X and Z [m], counter-clockwise seen from -Y, shape (n, 2).
+        length: length of the prism along Y [m]; its middle is at Y = 0.
+    """
     n = len(profile)
     front = np.insert(profile, 1, -length / 2, axis=1)
     back = np.insert(profile, 1, length / 2, axis=1)
@@ -102,7 +116,7 @@ def _drawn_out(profile: Array, length: float) -> Shape:
 
 
 def _divided(points: Array, triangles: NDArray[np.int64]) -> Shape:
-    """Return four triangles for each, with new points in the middle of the edges."""
+    """Divide each triangle into four, with new points in the middles of the edges."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     unique, number = np.unique(edges, axis=0, return_inverse=True)
     middle = number.reshape(-1, 3) + len(points)

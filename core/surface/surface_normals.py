@@ -1,4 +1,4 @@
-"""Normals of the curved surface that a triangle mesh stands for."""
+"""Normals of the curved surface that a triangle mesh approximates."""
 
 from __future__ import annotations
 
@@ -10,28 +10,33 @@ from ..arrays import Array, Indices
 from .topology import Topology
 from .triangles import TriangleTable
 
-# Faces that meet at less than this angle stand for a curved surface; at more, for an edge. Cosine of 30 degrees.
+# Cosine of 30 degrees. Faces that meet at a smaller angle approximate a curved surface; at a larger one, they form an
+# edge.
 SMOOTH = 0.8660254037844387
 
 
 class SurfaceNormals:
-    """Normals of one surface, computed when first asked for.
+    """Normals of one surface, computed at the first query.
 
     Args:
-        table: the triangles. topology: how they hang together. count: number of vertices.
+        table: the triangles.
+        topology: adjacency of the triangles.
+        count: number of vertices.
     """
 
     def __init__(self, table: TriangleTable, topology: Topology, count: int) -> None:
         self._table, self._topology, self._count = table, topology, count
 
     def smooth(self, triangle: Indices, weights: Array) -> Array:
-        """Return the normals of the curved surface that the faces stand for, unit length, shape (n, 3).
+        """Return unit normals of the curved surface at points, shape (n, 3).
 
-        Those of the three corners are interpolated; each corner takes the faces about it, weighted by their angles,
-        that turn from the triangle by less than 30 degrees. On a smooth surface they are exact to second order.
+        They are interpolated between normals of the triangle's three corners. A corner's normal is the mean normal of
+        the faces around it, weighted by their angles. Faces turned from the triangle by more than 30 degrees do not
+        count. On a smooth surface the corners' normals are exact to second order.
 
         Args:
-            triangle: shape (n,), none -1. weights: barycentric, shape (n, 3).
+            triangle: index of the triangle of each point, shape (n,); none may be -1.
+            weights: barycentric weights of its corners, shape (n, 3).
         """
         face, corner, start = self._fans
         vertex = self._topology.corners[triangle].reshape(-1)
@@ -50,7 +55,7 @@ class SurfaceNormals:
 
     @cached_property
     def _fans(self) -> tuple[Indices, Indices, Indices]:
-        """Faces and their corners about each merged vertex, and where each vertex's begin."""
+        """Faces around each merged vertex, their corners there, and the first place of each vertex."""
         flat = self._topology.corners.reshape(-1)
         order = np.argsort(flat, kind="stable")
         start = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=self._count))])

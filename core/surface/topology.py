@@ -1,6 +1,7 @@
-"""How the triangles of a surface hang together: which parts are closed, open, or not a surface at all.
+"""Topology of a triangle surface: adjacency, boundaries and irregular edges.
 
-It depends on the triangles (and on which vertices coincide), not on the shape, so a deforming mesh pays for it once.
+It depends on the triangles, and on which vertices coincide, but not on the shape. For a deforming mesh it is computed
+once.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from ..arrays import Array
 from .triangles import TriangleTable
 
 REGULAR, BOUNDARY, IRREGULAR = 0, 1, 2
-# Single precision has a point that was computed twice, by two steps each time, so many steps apart.
+# Largest distance between two results for one point, in rounding steps of single precision. Each is off by up to two.
 STEPS = 4
 
 
@@ -28,15 +29,17 @@ class Topology:
 
     Attributes:
         corners: vertex indices after coincident vertices were merged, shape (T, 3).
-        merged: for each vertex the one that stands for it, shape (V,).
-        across: neighbouring triangle over each edge, -1 where there is not exactly one, shape (T, 3).
+        merged: index of the vertex that replaces each vertex, shape (V,).
+        across: index of the neighbouring triangle at each edge, -1 if there is not exactly one, shape (T, 3).
         edge_kind: REGULAR, BOUNDARY (one face only) or IRREGULAR (three or more faces, or two that disagree
             about the outside), shape (T, 3).
-        vertex_kind: the worst kind among the edges at each vertex, BOUNDARY before IRREGULAR, shape (V,).
-        closed: every edge is used as often in one direction as in the other, so inside and outside exist.
-        boundary_edges, irregular_edges: how many there are.
-        ignored: triangles that have no part in it, shape (T,). doubled: those of them that lie on others, shape (T,).
-        weld: vertices that were merged lie so far apart at most [m].
+        vertex_kind: BOUNDARY if the vertex has a boundary edge; otherwise IRREGULAR if it has an irregular edge, or if
+            sheets of faces meet in this point only; otherwise REGULAR, shape (V,).
+        closed: whether every edge is used as often in one direction as in the other, so that inside and outside exist.
+        boundary_edges, irregular_edges: numbers of such edges.
+        ignored: whether each triangle is left out, shape (T,).
+        doubled: whether it is left out because it lies on another triangle, shape (T,); None if there are none.
+        weld: largest distance between vertices that were merged [m].
     """
 
     corners: NDArray[np.int64]
@@ -53,10 +56,14 @@ class Topology:
 
     @classmethod
     def build(cls, vertices: Array, triangles: NDArray[np.integer]) -> Topology:
-        """Read the topology off triangles, shape (T, 3), merging vertices [m], shape (V, 3), that coincide.
+        """Return the topology of triangles.
 
-        Vertices of rims are merged where single precision may have parted them. Triangles that lie on others, and
-        those without area at rims, have no part in it.
+        Vertices that coincide are merged. Vertices on rims are merged even if they differ by rounding to single
+        precision. Triangles that lie on others, and triangles without area on rims, are ignored.
+
+        Args:
+            vertices: vertices [m], shape (V, 3).
+            triangles: indices of vertices, shape (T, 3).
         """
         found = cls._of(merge_coincident(vertices), triangles, np.zeros(len(triangles), dtype=np.bool_))
         if found.boundary_edges:
@@ -82,7 +89,7 @@ class Topology:
     def _of(cls, merged: NDArray[np.int64], triangles: NDArray[np.integer], ignored: NDArray[np.bool_]) -> Topology:
         count, corners = len(merged), merged[triangles].astype(np.int64)
         start = corners.copy()
-        start[ignored] = start[ignored, :1]  # one point, which has no edges
+        start[ignored] = start[ignored, :1]  # an ignored triangle becomes a point, which has no edges
         end = np.roll(start, -1, axis=1)
         low, high = np.minimum(start, end).ravel(), np.maximum(start, end).ravel()
         forward = (start < end).ravel()
@@ -103,7 +110,7 @@ class Topology:
         edge_kind = np.empty(corners.size, dtype=np.int8)
         edge_kind[order] = np.repeat(kind, size)
         vertex_kind = np.zeros(count, dtype=np.int8)
-        for wanted in (IRREGULAR, BOUNDARY):  # a boundary outweighs: beyond it lies nothing to be inside of
+        for wanted in (IRREGULAR, BOUNDARY):  # a boundary is set last and prevails: beyond it there is no inside
             edges = edge_kind == wanted
             vertex_kind[low[edges]] = wanted
             vertex_kind[high[edges]] = wanted
@@ -123,12 +130,12 @@ class Topology:
 
     @cached_property
     def irregular(self) -> bool:
-        """Whether there are edges or vertices at which no normal tells the side."""
+        """Whether there are edges or vertices at which no normal determines the side."""
         return bool((self.edge_kind == IRREGULAR).any() or (self.vertex_kind == IRREGULAR).any())
 
     @cached_property
     def parts(self) -> NDArray[np.int64]:
-        """Which part that hangs together across edges each triangle belongs to, shape (T,)."""
+        """Index of each triangle's part, shape (T,). A part is connected across edges."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
@@ -138,7 +145,11 @@ class Topology:
         return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
     def fits(self, vertices: Array, triangles: NDArray[np.integer]) -> bool:
-        """Whether it was built of these triangles, and merges and ignores the same in this shape too."""
+        """Return whether this topology holds for triangles in another shape.
+
+        The triangles must be the same. Merged vertices must still coincide, and triangles that are ignored because
+        they have no area must still have none.
+        """
         if vertices.shape[0] != self.merged.shape[0] or not np.array_equal(self.merged[triangles], self.corners):
             return False
         apart = np.abs(vertices[self.merged] - vertices).max()
@@ -149,7 +160,7 @@ class Topology:
 
 
 def merge_coincident(vertices: Array) -> NDArray[np.int64]:
-    """Return for each vertex the lowest index among those at exactly the same place, shape (V,)."""
+    """Return for each vertex the lowest index at exactly its place, shape (V,)."""
     exact = np.ascontiguousarray(vertices + 0.0)  # -0.0 becomes 0.0
     order = np.lexsort(exact.T)
     ordered = exact[order]
@@ -163,12 +174,19 @@ def merge_coincident(vertices: Array) -> NDArray[np.int64]:
 
 
 def _rounding(vertices: Array) -> float:
-    """Return how far apart single precision may put one point that was computed twice [m]: four steps of it."""
+    """Return the length of `STEPS` rounding steps of single precision [m].
+
+    A step is that of the largest coordinate.
+    """
     return float(STEPS * np.finfo(np.float32).eps * np.abs(vertices).max())
 
 
 def _welded(vertices: Array, found: Topology) -> tuple[NDArray[np.int64], float]:
-    """Return merged vertices, those of rims that rounding may have parted included, and how far apart they are [m]."""
+    """Return merged vertices, including those on rims that rounding may have separated.
+
+    Returns:
+        Index of the vertex that replaces each vertex, shape (V,), and the largest distance between the two [m].
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
@@ -184,10 +202,10 @@ def _welded(vertices: Array, found: Topology) -> tuple[NDArray[np.int64], float]
 
 
 def _doubled(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which triangles lie on others of the same corners, shape (T,).
+    """Return which triangles lie on others with the same corners, shape (T,).
 
-    Of those that look the same way, all but the first. Those that look opposite ways cancel out, unless the part has no
-    others: it is a sheet with two sides, of which one is kept.
+    Of triangles with the same orientation, all but the first are marked. Of two with opposite orientations, both are
+    marked, unless the part consists of such pairs only. It is then a sheet with two sides, and one side is kept.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -199,7 +217,7 @@ def _doubled(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
     _, group = np.unique(np.sort(corners, axis=1), axis=0, return_inverse=True)
     group = group.reshape(-1)
     out = np.zeros(count, dtype=np.bool_)
-    kept = []  # the first of each group that looks one way, and of each that looks the other
+    kept = []  # the first triangle of each group, for one orientation and for the other
     for way in (even, ~even):
         those = np.flatnonzero(way & live)
         names, first = np.unique(group[those], return_index=True)
@@ -222,12 +240,13 @@ def _doubled(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def _mark_pinched(corners: NDArray[np.int64], across: NDArray[np.int64], vertex_kind: NDArray[np.int8]) -> None:
-    """Mark vertices where two sheets of faces meet in a point: the faces around one must form a single fan.
+    """Mark vertices in which sheets of faces meet at a point only.
 
-    The sum of face normals over both sheets says nothing about either side.
+    The faces around a regular vertex form a single fan. The sum of the face normals of several sheets does not
+    determine the side of any of them.
     """
     live = (corners != np.roll(corners, -1, axis=1)).all(axis=1)
-    # face corners are nodes of a graph, joined across edges; each regular vertex must be one component
+    # The corners of faces are the nodes of a graph, joined across edges. Each regular vertex must be one component.
     label = np.arange(corners.size)
     next_corner = np.arange(corners.size).reshape(-1, 3)
     links = []
@@ -259,25 +278,29 @@ _CACHE: dict[int, tuple[weakref.ref[NDArray[np.integer]], Topology]] = {}
 
 
 def topology_of(vertices: Array, triangles: NDArray[np.integer]) -> Topology:
-    """Return the topology of triangles, kept for as long as the same triangles array lives unchanged."""
+    """Return the topology of triangles.
+
+    It is kept as long as the array of triangles exists, and returned again while it fits, see `Topology.fits`.
+    """
     key = id(triangles)
     entry = _CACHE.get(key)
     if entry is not None and entry[0]() is triangles and entry[1].fits(vertices, triangles):
         return entry[1]
     topology = Topology.build(vertices, triangles)
-    if triangles.base is None:  # a view may die while its memory is shared: not worth keeping
+    if triangles.base is None:  # not for a view, which may be deleted while its memory is still in use
         _CACHE[key] = (weakref.ref(triangles, lambda _: _CACHE.pop(key, None)), topology)
     return topology
 
 
 def cut_otherwise(one: NDArray[np.integer], other: NDArray[np.integer]) -> bool:
-    """Return whether triangles are of the same faces, of which some are cut along other diagonals.
+    """Return whether two meshes have the same faces, cut along other diagonals.
 
-    Vertices can then be followed from one to the other. Triangles that share diagonals form a face; a diagonal
-    is an edge of one of the two only. Faces have the same outline in both, and all their corners are on it.
+    Vertices can then be followed from one mesh to the other. A diagonal is an edge that only one of the two meshes has.
+    Triangles that share diagonals form a face. A face has the same outline in both meshes, and all its corners are on
+    the outline.
 
     Args:
-        one, other: vertices of triangles, those of a face in the same rows; shape (T, 3).
+        one, other: vertex indices of the triangles, shape (T, 3). Those of a face are in the same rows in both.
     """
     if one.shape != other.shape:
         return False
@@ -299,15 +322,21 @@ def cut_otherwise(one: NDArray[np.integer], other: NDArray[np.integer]) -> bool:
 
 
 def _edges(triangles: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return a number for each directed edge, three a triangle."""
+    """Return a number for each directed edge, shape (3 t,)."""
     start = triangles.astype(np.int64)
     return (start << 32 | np.roll(start, -1, axis=1)).ravel()
 
 
 def _joined(edges: NDArray[np.int64], inner: NDArray[np.intp]) -> NDArray[np.int32] | None:
-    """Return the face of each triangle, shape (t,), where they are joined at inner edges.
+    """Return the face of each triangle, if triangles are joined at inner edges.
 
-    None unless each inner edge joins two, each face has several, and no vertex lies within one.
+    Args:
+        edges: directed edges of the triangles, see `_edges`, shape (3 t,).
+        inner: indices of the inner edges, shape (k,).
+
+    Returns:
+        Index of each triangle's face, shape (t,). None unless each inner edge joins two triangles, each face has
+        several triangles, and no vertex lies within a face.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -319,6 +348,6 @@ def _joined(edges: NDArray[np.int64], inner: NDArray[np.intp]) -> NDArray[np.int
     t = edges.size // 3
     graph = coo_array((np.ones(inner.size), (inner[there] // 3, inner[back] // 3)), shape=(t, t))
     count, face = connected_components(graph, directed=False)
-    # Triangles that are joined as a tree have no vertex within.
+    # If the triangles of a face are joined as a tree, no vertex lies within the face.
     tree = inner.size == 2 * (t - count)
     return face if tree and np.bincount(face).min() > 1 else None

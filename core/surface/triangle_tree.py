@@ -1,6 +1,6 @@
-"""TriangleTree: a tree of boxes over triangles, in which the kernels search.
+"""TriangleTree: tree of boxes around triangles, for searches by the kernels.
 
-`core/kernels/tree.c` has the method.
+`core/kernels/tree.c` describes the method.
 """
 
 from __future__ import annotations
@@ -22,16 +22,17 @@ _ORDERS: weakref.WeakKeyDictionary[Topology, Indices] = weakref.WeakKeyDictionar
 
 
 class TriangleTree:
-    """The usable triangles of one surface; there must be one at least.
+    """Search tree of the usable triangles of one surface, at least one.
 
     Args:
         table: the triangles.
-        topology: the order of triangles in leaves is kept with it: another shape of the same triangles only measures
-            the boxes anew. None: no tree is made, and every triangle is looked at; for a few points.
-        among: which of the usable triangles, all where None, shape (k,).
+        topology: topology of the triangles. The order of triangles in the tree is kept for it, so another shape of the
+            same triangles only needs new boxes. None for no tree: a search then visits every triangle, which is fast
+            for a few points.
+        among: indices of the usable triangles that belong to the tree, shape (k,); None for all.
 
     Raises:
-        DermisError: there are no compiled kernels, or the triangles have numbers beyond measure.
+        DermisError: there are no compiled kernels, or a triangle is too large or too small for floating-point numbers.
     """
 
     def __init__(self, table: TriangleTable, topology: Topology | None, among: Indices | None = None) -> None:
@@ -42,12 +43,12 @@ class TriangleTree:
         kept = None if topology is None or among is not None else _ORDERS.get(topology)
         order = usable if kept is None or kept.size != count else usable[kept]
         blocks = -(-count // records.LANES)
-        depth = next(k for k in range(16) if blocks >> 2 * k <= 2)  # a leaf holds one or two blocks, as a rule
+        depth = next(k for k in range(16) if blocks >> 2 * k <= 2)  # a leaf usually has one or two blocks
         self.record = record = records.TreeRecord(total=total, count=count, depth=depth, order=address(order))
         record.rows, record.bounds = address(table.rows), address(table.bounds)
         if table.slivers is not None:
             record.slivers = address(table.slivers)
-        self._arrays = [table.rows, table.bounds, table.slivers, order]  # which the record points to
+        self._arrays = [table.rows, table.bounds, table.slivers, order]  # the record has pointers to them
         if topology is None:
             record.largest = np.abs(table.rows[0:3]).max() + np.abs(table.rows[3:9]).max()
             return
@@ -68,7 +69,12 @@ class TriangleTree:
         return type(self), (self._table, self._topology, self._among)  # records hold addresses: a copy makes its own
 
     def done(self, status: int, triangle: int) -> None:
-        """Raise the error that a status stands for; a triangle whose numbers are not finite is named."""
+        """Raise the error of a kernel's status; return if the status is `DONE`.
+
+        Args:
+            status: status that the kernel returned.
+            triangle: index of the triangle whose numbers are not finite, for the error.
+        """
         if status == records.NOT_FINITE:
             a, ab, ac = self._table.rows[:9, triangle].reshape(3, 3)
             raise DermisError(

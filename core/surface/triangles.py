@@ -1,4 +1,4 @@
-"""Triangles as arrays of numbers."""
+"""TriangleTable: data of triangles for distance queries."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 
-# A triangle flatter than this (twice its area over its longest edge squared) has no usable normal.
+# Twice a triangle's area, divided by the square of its longest edge. Up to this ratio it has no usable normal.
 FLAT = 1e-10
-# The closest point on one flatter than this is looked for on its edges first: the Gram determinant has few digits left.
+# Below this ratio, the closest point is first searched on the edges, since the Gram determinant has few exact digits.
 SLIVER = 1e-4
 
 
@@ -24,7 +24,7 @@ class TriangleTable:
             reciprocal of the Gram determinant of ab and ac (0 without area) [m^-4], shape (14, T).
         bounds: centroid (3), unit normal (3), circumscribing radius about the centroid (1), shape (7, T).
         usable: False for triangles without area, shape (T,).
-        slivers: True for those that are nearly without, shape (T,); None where there are none.
+        slivers: True for triangles with nearly no area, shape (T,); None if there are none.
     """
 
     rows: Array
@@ -34,7 +34,12 @@ class TriangleTable:
 
     @classmethod
     def build(cls, vertices: Array, triangles: NDArray[np.integer]) -> TriangleTable:
-        """Tabulate triangles: vertices [m], shape (V, 3); indices, shape (T, 3)."""
+        """Return the table of triangles.
+
+        Args:
+            vertices: vertices [m], shape (V, 3).
+            triangles: indices of vertices, shape (T, 3).
+        """
         columns = np.ascontiguousarray(vertices.T)
         a, b, c = (columns[:, triangles[:, k]] for k in range(3))
         ab, ac = b - a, c - a
@@ -62,14 +67,18 @@ class TriangleTable:
         return cls(rows, bounds, usable, slivers if slivers.any() else None)
 
     def without(self, ignored: NDArray[np.bool_]) -> TriangleTable:
-        """Return the same table with some triangles, shape (T,), as if they had no area."""
+        """Return the table with some triangles as if they had no area.
+
+        Args:
+            ignored: whether each triangle is to be ignored, shape (T,).
+        """
         rows, bounds = self.rows.copy(), self.bounds.copy()
         rows[13, ignored] = bounds[3:6, ignored] = 0.0
         return TriangleTable(rows, bounds, self.usable & ~ignored, self.slivers)
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """Return products of columns, shapes (..., 3, n)."""
+    """Return the dot products of columns, (..., n), of arrays of shape (..., 3, n)."""
     product = a * b
     out: Array = product[..., 0, :] + product[..., 1, :]
     out += product[..., 2, :]

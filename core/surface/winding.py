@@ -1,4 +1,4 @@
-"""How often a closed surface winds round a point: the judge where no normal decides."""
+"""Winding number: determines the side of a point where no normal does."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from ..arrays import Array
 
 
 def winding(corner: Array, points: Array) -> Array:
-    """Return how often a surface encloses each point (1 inside a closed one), by solid angles, shape (n,).
+    """Return the winding number of a surface around points, shape (n,).
+
+    It is the sum of the triangles' solid angles, divided by 4 pi. For a closed surface whose normals point
+    outwards, it is 1 inside and 0 outside.
 
     Args:
         corner: corners of the triangles [m], shape (T, 3, 3).
-        points: [m], shape (n, 3).
+        points: the points [m], shape (n, 3).
     """
     out = np.empty(points.shape[0])
     step = max(1, 1_000_000 // corner.shape[0])

@@ -77,7 +77,11 @@ class CablePlatform:
         return Poses(np.tile(np.eye(3), (count, 1, 1)), np.tile([0.0, 0.0, self.height], (count, 1)))
 
     def lengths(self, commands: Array) -> Array:
-        """Return the lengths of the unstretched cables [m] for pulley angles [rad], shape (n, 3)."""
+        """Return the lengths of the unstretched cables [m], shape (n, 3).
+
+        Args:
+            commands: pulley angles [rad], shape (n, 3).
+        """
         return self.rest_lengths - self.pulley * np.asarray(commands, np.float64)
 
     def commands(self, poses: Poses) -> Array:
@@ -113,7 +117,10 @@ class CablePlatform:
         return Poses(rotation, centre)
 
     def give(self, commands: Array, poses: Poses, *, first: bool) -> tuple[Array, Array]:
-        """Return force and moment of cables and springs, and compliance; see `Carrier`."""
+        """Return the forces of cables and springs, and their compliance.
+
+        See `press_problem.Carrier`.
+        """
         wrench, stiffness = self._balance(poses, self.lengths(commands), taut=first)
         symmetric = 0.5 * (stiffness + stiffness.transpose(0, 2, 1))
         return wrench, inverted(symmetric)
@@ -199,7 +206,9 @@ def mechanism(spec: DeviceSpec) -> CablePlatform:
 
 
 def joint_angles(spec: DeviceSpec, name: str) -> Array:
-    """Return the angles of joints around the pad's normal [rad], from +X to +Y, shape (n,).
+    """Return the angles of joints around the pad's normal [rad], shape (n,).
+
+    They count from +X to +Y.
 
     Raises:
         DermisError: the preset has not as many angles as the kind of device needs, two are equal, or two neighbours

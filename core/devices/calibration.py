@@ -1,4 +1,4 @@
-"""Calibration: zero, gain, limits and measured responses of one built device.
+"""Calibration: zero, gain, limits and responses of one built device.
 
     driven = inverse curve of (zero + gain * commanded), then held within low and high
 
@@ -105,7 +105,7 @@ class Calibration:
         return replace(self, name=name, serial=serial)
 
     def for_spec(self, spec: DeviceSpec) -> tuple[NDArray[np.float64], ...]:
-        """Return zero, gain, low and high for every channel of a device, each of shape (channels,).
+        """Return zero, gain, low and high of all channels, (channels,) each.
 
         A limit is the narrower one of preset and calibration; infinite if neither has one.
 

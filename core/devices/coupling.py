@@ -1,4 +1,6 @@
-"""Coupling: motors that each drive several of a platform's original motors, by pulleys or levers.
+"""Coupling: motors that each replace several motors of a platform.
+
+A new motor drives the axes of several original motors, by pulleys or levers.
 
 The original commands are m = offset + matrix c for commands c of the new motors.
 
@@ -18,7 +20,7 @@ from .spec import Channel, DeviceSpec
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """Linear map from the commands of k new motors to those of n original motors.
+    """Linear map from commands of k new motors to those of n original motors.
 
     Attributes:
         matrix: original commands for a unit command of each new motor, shape (n, k).
@@ -31,11 +33,16 @@ class Coupling:
     channels: tuple[Channel, ...]
 
     def original(self, commands: Array) -> Array:
-        """Return the original commands, shape (..., n), for commands of the new motors, shape (..., k)."""
+        """Return original commands for commands of the new motors.
+
+        The shape (..., k) becomes (..., n).
+        """
         return self.offset + commands @ self.matrix.T
 
     def reduced(self, commands: Array) -> Array:
-        """Return the commands of the new motors, shape (..., k), nearest to original commands, shape (..., n).
+        """Return the commands of the new motors nearest to original commands.
+
+        The shape (..., n) becomes (..., k).
 
         Distances are those of original commands divided by the motors' ranges.
         """
@@ -45,7 +52,7 @@ class Coupling:
 
 
 def coupling_of(spec: DeviceSpec) -> Coupling | None:
-    """Return the coupling of a preset that `design` made; None for other presets.
+    """Return the coupling of a preset made by `design`; None for others.
 
     Raises:
         DermisError: the matrix does not fit the motors, or has fewer independent columns than there are new motors.

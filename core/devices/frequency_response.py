@@ -1,4 +1,4 @@
-"""Frequency response of one actuator: measured gain and phase, inverted for tracks.
+"""Frequency response of one actuator, and its inverse for tracks.
 
 At frequency f the actuator reaches `gain(f)` times its driven value, and lags by `-phase(f)`. The gain is relative
 to slow movement, so it is 1 at 0 Hz. Slow movement itself is described by the other parts of `calibration.Entry`: zero,
@@ -112,7 +112,7 @@ class FrequencyResponse:
         return hertz, gain
 
     def age(self, today: Any) -> int | None:
-        """Return the number of days since the measurement; None if its day is unknown."""
+        """Return the days since the measurement; None if its day is unknown."""
         return age_of(self.measured_on, today)
 
     def at(self, hertz: Array) -> NDArray[np.complex128]:

@@ -1,4 +1,4 @@
-"""Electrovibration screen: voltage for a perceived friction, by a power law."""
+"""Electrovibration screen: voltage for perceived friction by a power law."""
 
 from __future__ import annotations
 

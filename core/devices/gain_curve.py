@@ -1,4 +1,4 @@
-"""GainCurve: measured gain of an actuator over frequency, and filters from it.
+"""GainCurve: measured gain of an actuator, and filters made from it.
 
 All measured responses are evaluated by `gain_between`: between two frequencies the logarithm of the gain is linear.
 Outside the measured band a gain is unknown.
@@ -153,7 +153,7 @@ def filter_taps(gain: Callable[[Array], Array], band: tuple[float, float], rate:
 
 
 def filtered(values: Array, taps: Array) -> Array:
-    """Return filtered values, from the first that has all earlier values it needs.
+    """Return filtered values, from the first with all earlier values present.
 
     Args:
         values: values at equal steps of time, shape (n,), n >= taps - 1.

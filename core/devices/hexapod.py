@@ -130,7 +130,7 @@ def mechanism(spec: DeviceSpec) -> Hexapod:
 
 
 def _rows(at: Array, along: Array) -> Array:
-    """Return the derivative of leg lengths by the platform's movement, (n, 6, 6).
+    """Return the derivative of leg lengths by movement, shape (n, 6, 6).
 
     Args:
         at: positions of the legs' joints on the platform [m], shape (n, 6, 3). The turn is about their origin.

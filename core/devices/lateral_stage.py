@@ -1,4 +1,4 @@
-"""LateralStage: a thimble on a stage that moves it along the pad and turns it.
+"""LateralStage: a thimble on a stage that shifts and turns it.
 
 It serves to study the benefit of such axes. No such device has been built. It has the thimble's servos with their
 limits, and three more joints with their own limits.
@@ -69,7 +69,7 @@ class LateralStage:
         return math.inf
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration of servo angles and a place of the stage, shape (6,).
+        """Return the configuration of servo angles and stage's place, (6,).
 
         Args:
             angles: three servo angles [rad], two shifts [m] and the yaw [rad] of the stage, shape (6,).
@@ -96,7 +96,7 @@ class LateralStage:
         return PlatformPose(turn @ own.rotation, centre + [-east, north, 0.0], spin, shift, at)
 
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return servo angles and stage's place, (6,), and their derivative, (6, 6).
+        """Return servo angles and stage's place, (6,), and derivative, (6, 6).
 
         Raises:
             DermisError: a leg cannot reach.

@@ -1,4 +1,4 @@
-"""Checks of the day of a measurement, and of the number of days for which it is valid."""
+"""Checks of the day of a measurement and of its valid number of days."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def check_day(measured_on: object, valid_days: object, where: str) -> None:
 
 
 def age_of(measured_on: str, today: date) -> int | None:
-    """Return the number of days since a measurement; None if its day is not known."""
+    """Return the days since a measurement; None if its day is not known."""
     day = _day(measured_on, "measured on")
     return None if day is None else (today - day).days
 

@@ -1,4 +1,7 @@
-"""Mechanism of a device from its preset; the file of its kind is loaded at the first use."""
+"""Mechanism of a device from its preset.
+
+The file of the device's kind is loaded at the first use.
+"""
 
 from __future__ import annotations
 

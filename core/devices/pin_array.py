@@ -1,4 +1,4 @@
-"""Pin array: pins on a cylinder around the finger, which press on the pulp.
+"""Pin array: pins on a cylinder around the finger, which press the pulp.
 
 Each pin moves towards the cylinder's axis. The origin of the finger's frame is the centre of the pad; +Y points to the
 tip and +Z to the nail. The cylinder's axis runs along Y at the height `radius - standoff` above the pad. The cylinder
@@ -122,7 +122,7 @@ def _force_limits(spec: DeviceSpec, pins: int, limit: float) -> Array:
 
 
 def contacts(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer]) -> PinContacts:
-    """Return the points at which the pins' lines of motion meet the undeformed skin.
+    """Return the points at which the pins' lines meet the undeformed skin.
 
     A pin approaches from outside. Its point of action is the first crossing at which its line enters the skin.
 
@@ -234,7 +234,9 @@ def distribution(pins: PinLayout, met: PinContacts, nodes: Array) -> Array:
 def _first_entry(
     origins: Array, directions: Array, vertices: Array, triangles: NDArray[np.integer]
 ) -> tuple[Array, Array]:
-    """Return the first entry of each line into a surface, by Moeller and Trumbore.
+    """Return the first entry of each line into a surface.
+
+    The method is that of Moeller and Trumbore.
 
     Returns:
         Point of the entry with the smallest signed travel [m], shape (pins, 3), and this travel [m], shape (pins,). NaN

@@ -68,7 +68,10 @@ def check_device(spec: DeviceSpec) -> None:
 
 
 def _check_fields(given: Mapping[str, Any], known: Sequence[str], where: str) -> None:
-    """Refuse unknown fields: with a misspelt 'safe' a device would have no safe state."""
+    """Refuse unknown fields.
+
+    With a misspelt 'safe', for example, a device would have no safe state.
+    """
     unknown = sorted(set(given) - set(known))
     if unknown:
         raise DermisError("unknown field", where=where, value=", ".join(unknown), limit=", ".join(known))

@@ -1,4 +1,6 @@
-"""Press: contact of a platform with the skin for many commands at once, each starting at rest.
+"""Press: contact of a platform with the skin, for many commands at once.
+
+Each command is reached from rest.
 
 A platform is a rigid disc under the pad, in a frame parallel to the finger's, with its face along +Z. Its carrier has
 rigid legs, or elastic cables and springs. The elasticity enters the contact problem as a compliance of rank six,
@@ -95,7 +97,9 @@ class Press:
         self.points, self.carrier, self.steps = points, carrier, int(steps)
 
     def press(self, commands: Array, *, via: Array | None = None) -> Pressed:
-        """Press rows from rest, in batches of similar rows, which need few points each.
+        """Press rows from rest.
+
+        They are grouped to batches of similar rows, because each such batch needs few points.
 
         Args:
             commands: commands at the end of each row's path, shape (n, motors).
@@ -122,7 +126,10 @@ class Press:
         return made
 
     def _where(self, free: Poses) -> Array:
-        """Return position and weighted depth of the press of rows [m], shape (n, 3), by their poses without load."""
+        """Return positions and weighted depths at which rows press [m], (n, 3).
+
+        They are estimated from the poses without load.
+        """
         gap = self.problem.gap(free)
         low = np.minimum(gap.min(axis=1), 0.0)
         near = gap + REACH * low[:, None] <= 0.0
@@ -132,7 +139,9 @@ class Press:
     # -- a batch -----------------------------------------------------------------------------------------------------
 
     def _batch(self, commands: Array, via: Array | None, free: Poses, steps: int) -> Pressed:
-        """Press rows on the points that come near; rows in which others would be touched are pressed on all points.
+        """Press a batch of rows on the points that come near.
+
+        Rows in which other points would be touched are pressed again, on all points.
 
         Args:
             commands, via: as for `press`.
@@ -163,7 +172,10 @@ class Press:
     def _pressed(
         self, commands: Array, via: Array | None, free: Poses, problem: PressProblem, near: Indices, steps: int
     ) -> Pressed:
-        """Press rows on some of the points; arguments as for `_batch`, with `near` the indices of the points."""
+        """Press rows on some of the points.
+
+        Arguments are those of `_batch`, the contact problem of these points, and their indices `near`.
+        """
         n, whole = len(commands), self.problem
         rest = np.broadcast_to(self.carrier.rest, commands.shape)
         start = self.carrier.rest_poses(n)
@@ -201,7 +213,9 @@ class Press:
 
 
 def _alike(rows: Indices, where: Array) -> list[Indices]:
-    """Return batches of similar rows, by repeated halving along the coordinate of largest extent.
+    """Return batches of similar rows.
+
+    Rows are halved repeatedly, each time along the coordinate of largest extent.
 
     Args:
         rows: indices of the rows, shape (k,).

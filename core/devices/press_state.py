@@ -1,4 +1,4 @@
-"""PressState: state of a batch of platforms that are pressed into the skin.
+"""PressState: state of a batch of platforms pressed into the skin.
 
 The contact of all rows is solved side by side by an alternating method, in single precision.
 """
@@ -13,18 +13,18 @@ from .poses import Poses, inverted, limited
 from .press_problem import PressPoints, PressProblem
 from .row_laws import RowLaws
 
-TOLERANCE = 2e-4  # change per iteration at which a row has converged, relative to its forces; below one of 12 bits
+TOLERANCE = 2e-4  # change per iteration at which a row has converged, relative to its forces; less than 1 / 2^12
 MAX_ITERATIONS = 240
 CHECK_EVERY = 4  # iterations from one test of convergence to the next
 LEAVE = 8  # rows that have converged are removed if they are at least one in this many
 RELAXATION = 1.8  # over-relaxation of the alternating method
 LINEARISATIONS = 4  # largest number of linearisations of the equilibrium at the last commands
 BALANCE = 2e-3  # largest unbalanced force on an elastic platform [N]
-LOOKS = 8, 24  # largest number of evaluations of the nonlinear law: at intermediate and at the last commands
+LOOKS = 8, 24  # largest numbers of evaluations of the nonlinear law, at intermediate and at the last commands
 
 
 class PressState:
-    """Batch of platforms between two steps: poses, forces and anchors of friction.
+    """State of a batch of platforms: poses, forces and anchors of friction.
 
     Args:
         problem: contact problem of skin and platform.
@@ -46,7 +46,12 @@ class PressState:
         self.laws = None if points.law is None else RowLaws(points, problem.own, n)
 
     def step(self, commands: Array, *, last: bool) -> None:
-        """Advance to the next commands; at the last ones, the equilibrium of the platform is iterated."""
+        """Advance to the next commands.
+
+        Args:
+            commands: commands of the motors, shape (n, motors).
+            last: whether they are the last ones. The equilibrium of an elastic platform is then iterated.
+        """
         problem = self.problem
         self.free = problem.carrier.carry(commands, self.free)
         self.poses = self.free.moved(self.deflection)
@@ -93,7 +98,7 @@ class PressState:
         self._settle()
 
     def _looked(self, rows: NDArray[np.intp], ends: bool) -> NDArray[np.intp]:
-        """Evaluate the nonlinear law for rows; return those in which it has not converged.
+        """Evaluate the nonlinear law for rows; return those not converged.
 
         Args:
             rows: indices of the rows.
@@ -108,7 +113,7 @@ class PressState:
         return left
 
     def _load(self) -> Array:
-        """Return force [N] and moment [N m] of the skin on the platforms, shape (n, 6)."""
+        """Return force [N] and moment [N m] of skin on platforms, shape (n, 6)."""
         return -(self.force.astype(np.float64) @ self.problem.jacobian)
 
     def _settle(self) -> None:
@@ -182,7 +187,19 @@ class PressState:
 
 
 def _projected(v: Floats32, normal: Floats32, friction: float, m: int) -> tuple[Floats32, NDArray[np.bool_]]:
-    """Return Coulomb's projection of a batch, shape (n, 3 m), by component, and which nodes stick, shape (n, m)."""
+    """Return Coulomb's projection of forces, and which nodes stick.
+
+    Forces that pull become zero. Tangential forces above the friction limit are shortened to it.
+
+    Args:
+        v: forces in the order by component, shape (n, 3 m).
+        normal: normals of the platforms, shape (n, 3).
+        friction: Coulomb coefficient.
+        m: number of nodes.
+
+    Returns:
+        Projected forces, shape (n, 3 m), and whether each node sticks, shape (n, m).
+    """
     a, b, c = (normal[:, i : i + 1] for i in range(3))
     vx, vy, vz = v[:, :m], v[:, m : 2 * m], v[:, 2 * m :]
     push = a * vx + b * vy + c * vz

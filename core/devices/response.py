@@ -1,4 +1,4 @@
-"""Measured curves of one actuator: its reached value over its driven value.
+"""Measured curves of one actuator: reached values over driven values.
 
 An actuator with play, or with friction in its gear, reaches less on the way up than on the way down. After a reversal
 it holds still at first. The model is a generalized play operator: the reached value lies between the rising and the
@@ -178,11 +178,14 @@ class Response:
         return self._down.reached(driven)
 
     def between(self, driven: float) -> float:
-        """Return the reached value for an unknown direction [unit], the mean of both curves."""
+        """Return the reached value for an unknown direction [unit].
+
+        It is the mean of both curves.
+        """
         return 0.5 * (self.rises(driven) + self.falls(driven))
 
     def drives(self, wanted: float) -> float:
-        """Return the driven value for a wanted one and an unknown direction [unit].
+        """Return the value to drive if the direction is unknown [unit].
 
         The value that is then reached is off by at most half the play.
         """
@@ -219,7 +222,7 @@ class Response:
         return min(max(driven, self.span[0]), self.span[1])
 
     def age(self, today: date) -> int | None:
-        """Return the number of days since the measurement; None if its day is unknown."""
+        """Return the days since the measurement; None if its day is unknown."""
         return age_of(self.measured_on, today)
 
 
@@ -278,7 +281,9 @@ class Responses:
         return Believed(reached, way)
 
     def driven(self, wanted: Array, now: Believed | None, last: Array) -> tuple[Array, Array]:
-        """Return the values to drive for wanted ones, and by how much these were limited [units].
+        """Return the values to drive, and limitations of the wanted ones [units].
+
+        A limitation is the amount by which a wanted value was limited.
 
         The limits hold for wanted values too: a value that must not be driven must not be reached either. Channels
         without a curve are driven as wanted, and not limited here.

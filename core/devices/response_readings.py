@@ -1,4 +1,4 @@
-"""Measured curve of an actuator, from readings in the order in which they were taken."""
+"""Measured curve of an actuator from readings in order of time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEFT = 0.5  # [share of a pass's median slope] below this slope, the play is sti
 
 
 def of_readings(driven: ArrayLike, reached: ArrayLike, **more: Any) -> Response:
-    """Return a measured curve from readings in the order in which they were taken.
+    """Return a measured curve from readings in order of time.
 
     The readings may go up and down any number of times. A pass counts if it covers more than half of the driven range.
     After a reversal an actuator holds still until its play is taken up. If both ways were measured, readings there are

@@ -1,15 +1,14 @@
-"""Retraction: clearance between the safe pose of a worn device and a finger.
+"""Retraction: clearance between a worn device's safe pose and a finger.
 
 Two rules hold for each safe pose. They were set before any pose was computed:
 
 * In the safe pose, the platform is at least `CLEAR` below the pad of the thickest finger among the shipped skins.
-Devices
-  are mounted on the nail, so a thicker finger than that of the preset extends lower by the difference.
+  Devices are mounted on the nail, so a thicker finger than that of the preset extends lower by the difference.
 * On the way there, with all channels moving together, the platform never presses more than 0.05 mm deeper than at the
   start.
 
 Safe poses keep a margin to the ends of the servos' ranges. A servo horn can be mounted every 15 degrees (a spline of 24
-teeth), so that a calibration shifts all poses by up to 7.5 degrees.
+teeth), so a calibration may shift all poses by up to 7.5 degrees.
 """
 
 from __future__ import annotations
@@ -21,13 +20,15 @@ from . import cable_platform, hexapod, thimble
 from .coupling import coupling_of
 from .spec import DeviceSpec
 
-FITTED = 13.0e-3  # thickness from nail to pad of the finger of the platforms' presets [m]
+FITTED = 13.0e-3  # thickness from nail to pad of the finger for which the platforms' presets are made [m]
 THICKEST = 18.0e-3  # largest thickness among the shipped skins, that of a large thumb [m]
 CLEAR = 2.0e-3  # least clearance [m]
 
 
 def clearance(spec: DeviceSpec, commands: Array) -> float:
-    """Return the distance of the platform below the thickest finger [m]; inf for devices without a platform.
+    """Return the distance of the platform below the thickest finger [m].
+
+    It is inf for devices without a platform.
 
     Args:
         commands: commands of every channel with an actuator [SI], shape (channels,); those of the new motors if motors
@@ -51,6 +52,9 @@ def clearance(spec: DeviceSpec, commands: Array) -> float:
 
 
 def _below(normal: Array, centre: Array, radius: float) -> float:
-    """Return the distance from the highest point of a disc to the lowest point of the thickest finger [m]."""
+    """Return the distance between a disc and the thickest finger [m].
+
+    It is that from the highest point of the disc to the lowest point of the finger.
+    """
     highest = centre[2] + radius * float(np.hypot(normal[0], normal[1]))
     return float(-(THICKEST - FITTED) - highest)

@@ -1,4 +1,7 @@
-"""RowLaws: corrections by the neo-Hookean law for a batch of rows, each in its own state."""
+"""RowLaws: corrections by the neo-Hookean law for a batch of rows.
+
+Each row has its own state of the law.
+"""
 
 from __future__ import annotations
 
@@ -59,12 +62,12 @@ class RowLaws:
                 done[at] = law.settled
                 if not law.settled:
                     self.less[row] = self._at(law, self.columns)
-            else:  # these were the forces for the best correction
+            else:  # these are the forces for the best correction
                 done[at] = True
         return done
 
     def look_anew(self) -> None:
-        """Forget the best residuals, because the forces are those of another contact.
+        """Forget the best residuals, since the contact has changed.
 
         Rows with a large residual keep it, so that steps that raise it are still undone.
         """
@@ -79,17 +82,23 @@ class RowLaws:
             self.less[row] = self._at(self._laws[row], self.columns)
 
     def left(self, rows: Indices) -> Array:
-        """Return the residual of the law for rows in which it did not converge, else 0, shape (k,)."""
+        """Return the residuals of the law in rows, shape (k,).
+
+        They are 0 for rows in which the law converged.
+        """
         laws = [self._laws[row] for row in rows.tolist()]
         return np.array([0.0 if law.settled else law.left for law in laws])
 
     def less_at(self, columns: Indices) -> Array:
-        """Return the corrections at other components of the points [m], shape (n, d)."""
+        """Return the corrections at other components of points [m], shape (n, d)."""
         return np.stack([self._at(law, columns) for law in self._laws])
 
     @property
     def amounts(self) -> Floats32:
-        """Correction of each row at the pad nodes [m], see `Stimulus.given`, shape (n, 3 m)."""
+        """Correction of each row at the pad nodes [m], shape (n, 3 m).
+
+        See `Stimulus.given`.
+        """
         return np.stack([law.amounts for law in self._laws]).astype(np.float32)
 
     def _at(self, law: LawSkin, columns: Indices) -> Array:
@@ -97,7 +106,11 @@ class RowLaws:
         return beyond[columns] if nodal is None else beyond @ nodal[:, columns]
 
     def _nodal(self, force: Floats32) -> Array:
-        """Return forces on the pad nodes [N], shape (n, 3 m), for forces at the components [N], shape (n, c)."""
+        """Return forces on the pad nodes [N], shape (n, 3 m).
+
+        Args:
+            force: forces at the components [N], shape (n, c).
+        """
         if self.points.nodal is not None:
             return np.asarray(force @ self.points.nodal[:, self.columns].T, np.float64)
         out = np.zeros((len(force), self.points.positions.size))

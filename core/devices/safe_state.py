@@ -1,4 +1,4 @@
-"""Safe state of a device: the values in its preset, and how they are reached."""
+"""Safe state of a device: values of channels, and how they are reached."""
 
 from __future__ import annotations
 

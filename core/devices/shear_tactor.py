@@ -20,7 +20,7 @@ from .spec import DeviceSpec
 
 @dataclass(frozen=True)
 class ShearTactor:
-    """Rhombus with the pulleys' axis at one corner and the cap at the opposite one.
+    """Rhombus with the pulleys' axis and the cap at opposite corners.
 
     Positions are those of the cap in the pad's plane [m], relative to the centre of the workspace. Pulley angles are
     relative to the reference pose, in which the cap is in the centre and the two driven links are orthogonal.
@@ -101,7 +101,7 @@ class ShearTactor:
 
 
 def within_speed(target: Array, step: float, start: Array | None = None) -> tuple[Array, int]:
-    """Return a path of limited speed, and the number of samples that it changes.
+    """Return a path of limited speed, and the number of samples it changes.
 
     If the target is too fast, the cap moves straight towards the target at the largest speed, until it reaches the
     target. The speed of the cap is limited, and not that of each pulley, so that cap and pulleys stay consistent.

@@ -1,4 +1,4 @@
-"""SixLegs: a six-leg platform with strokes, as a device whose poses are searched.
+"""SixLegs: a six-leg platform with strokes, for a search of poses.
 
 A configuration is x = (pitch, roll, distance, shift x, shift y, yaw). The disc turns by pitch about X, then by roll
 about the turned Y, then by yaw about its own axis. As for the thimble, +Z of the base frame points from the nail to the
@@ -100,7 +100,7 @@ class SixLegs:
         return PlatformPose(rotation, np.array([-east, north, distance]), spin, shift, at)
 
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return leg lengths [m], shape (6,), and their derivative by x, shape (6, 6)."""
+        """Return leg lengths [m], shape (6,), and their derivative, shape (6, 6)."""
         pose = self.pose(x)
         length, along, moment = self._legs(pose)
         slopes: Array = along @ (_DOWN @ pose.d_centre) + moment @ (pose.spin @ _DOWN).T
@@ -127,11 +127,11 @@ class SixLegs:
         return bool((length >= low).all() and (length <= high).all() and self._hold(along, moment) >= self.hold)
 
     def feasible(self, x: ArrayLike) -> bool:
-        """Return whether all legs are within their strokes and hold the platform firmly."""
+        """Return whether `holds` for the strokes of the legs."""
         return self.holds(np.asarray(x, np.float64), self.low, self.high)
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration near `start` with given leg lengths, shape (6,).
+        """Return the configuration near `start` with given leg lengths, (6,).
 
         Args:
             angles: leg lengths [m], shape (6,); they are absolute, and not relative to a neutral length.

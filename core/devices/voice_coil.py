@@ -1,4 +1,6 @@
-"""VoiceCoil: a coil and a magnet that shake the fingertip, driven by a voltage.
+"""VoiceCoil: coil and magnet that shake the fingertip.
+
+A voltage drives the coil.
 
 The wanted movement is a displacement along one axis. The voltage for it follows from the inverse of the measured
 response, in the measured band.
@@ -85,14 +87,14 @@ class VoiceCoil:
 
     @cached_property
     def drive_taps(self) -> Array:
-        """Weights that convert displacements [m] to the voltage [V], shape (taps,).
+        """Weights from displacements [m] to the voltage [V], shape (taps,).
 
         The first one is that of the newest sample.
         """
         return filter_taps(lambda frequency: 1.0 / self.gain(frequency), self.response.band, self.rate)
 
     def volts(self, displacement: Array, before: Array | None = None) -> Array:
-        """Return the voltage [V] for displacements at the device's rate, shape (n,).
+        """Return the voltage for displacements at the device's rate, shape (n,).
 
         Args:
             displacement: displacements [m], shape (n,).

@@ -10,8 +10,8 @@ from ..arrays import Array
 from ..errors import DermisError
 from .thimble import Thimble
 
-STEEPEST = np.radians(60.0)  # largest tilt that is tested [rad]
-HALVINGS = 14  # number of halvings in the search for a limit, for an accuracy of 0.004 degrees or 1 um
+STEEPEST = np.radians(60.0)  # [rad] tilt at which the search for the largest tilt ends
+HALVINGS = 14  # number of halvings of a step in the search for a limit, for an accuracy of 0.004 degrees or 1 um
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +29,17 @@ class Workspace:
     tilt: Array
 
     def configurations(self, level: int) -> Array:
-        """Return the configurations on the limit at a distance, given by its index, shape (a, 3)."""
+        """Return the configurations on the limit at one distance, shape (a, 3).
+
+        Args:
+            level: index of the distance.
+        """
         tilt, distance = self.tilt[level], np.full(len(self.direction), self.distance[level])
         return np.stack([tilt * np.cos(self.direction), tilt * np.sin(self.direction), distance], axis=1)
 
 
 def distance_range(device: Thimble, around: float, pitch: float = 0.0, roll: float = 0.0) -> tuple[float, float]:
-    """Return the smallest and the largest distance that the platform reaches at a tilt [m].
+    """Return the smallest and largest distance of the platform at a tilt [m].
 
     Args:
         device: the thimble.
@@ -81,7 +85,16 @@ def workspace(device: Thimble, around: float, levels: int = 9, directions: int =
 
 
 def _edge(device: Thimble, start: Array, way: Array, most: float) -> float:
-    """Return the largest feasible multiple of a direction `way` from a configuration, up to `most`."""
+    """Return the largest feasible multiple of a direction.
+
+    The multiples from 0 to the result are feasible, as far as they are tested.
+
+    Args:
+        device: the thimble.
+        start: configuration for the multiple 0.
+        way: direction in the space of configurations.
+        most: multiple at which the search ends; the result may exceed it by one step, `most` / 24.
+    """
     low, step = 0.0, most / 24
     while low + step <= most and device.feasible(start + (low + step) * way):
         low += step

@@ -1,4 +1,4 @@
-"""Rendered: result of a matching method for one device on one finger, as the pipeline takes it."""
+"""Rendered: result of a matching method for one device on one finger."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from ..track.command_track import CommandTrack
 
 @dataclass(frozen=True)
 class Rendered:
-    """One device's commands, with the diagnostics of how they came about.
+    """Commands of one device, with diagnostics.
 
     Attributes:
-        track: the commands at the device's rate, within its range; the pipeline checks every limit again.
+        track: commands at the device's rate, within its range; the pipeline checks every limit again.
         signals: diagnostic series at the track's times, such as 'contact' (0 or 1), shape (n,) each.
-        findings: for a person to look at.
+        findings: findings to show to a person.
         skipped: results not computed because the scene did not need them, by name.
     """
 

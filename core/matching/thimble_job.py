@@ -1,4 +1,7 @@
-"""Job of a child process: compute the tables that matching with a thimble needs, and store them in the skins' cache."""
+"""Job of a child process: compute the tables of a thimble on a skin.
+
+Matching needs these tables. They are stored in the skins' cache.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,10 @@ STAGES = 3
 
 
 def tables_key(spec: DeviceSpec, skin: SkinModel, use: Mapping[str, Any]) -> str:
-    """Return the key of the cache entry which marks that the tables for a device on a skin are complete."""
+    """Return the key of the cache entry that marks complete tables.
+
+    The tables are those for a device on a skin.
+    """
     settings = json.dumps(dict(use), sort_keys=True)
     what = (spec.hash, skin.key, skin.tissue, pressed_on(skin), repr(skin.material), settings)
     return cache_key(version(), "dermis-thimble-tables 1", *what)

@@ -1,4 +1,4 @@
-"""Commands of a thimble over a sequence of touches, and how well they match."""
+"""Commands of a thimble over a sequence of touches, and their mismatch."""
 
 from __future__ import annotations
 
@@ -109,7 +109,10 @@ def collect(frames: list[ThimbleFrame], contact: DiscContact, method: str) -> Th
 
 
 def amounts_of(frames: list[ThimbleFrame], contact: DiscContact) -> Array | None:
-    """Return `ThimbleSequence.amounts` of some frames [m], shape (n, 3 m); None for linear skin."""
+    """Return `ThimbleSequence.amounts` of some frames [m], shape (n, 3 m).
+
+    It is None for linear skin.
+    """
     if contact.law is None:
         return None
     none = np.zeros(3 * contact.points.node_count)

@@ -1,4 +1,6 @@
-"""Use of a thimble on one finger: the mechanism as mounted on the person, the method, and the learned model.
+"""Use of a thimble on one finger: mechanism, method and learned model.
+
+The mechanism is mounted as on this person.
 
 Bake, preview, plot and adaptation all call `prepare`, so all of them use the same device.
 """
@@ -37,13 +39,14 @@ METHODS = DEVICE["thimble_method"].keys
 LOOKUP = "lookup"  # the method of platforms that takes commands from a table instead of a search for a pose
 LEARNED = ("network", "ridge")
 HOVER = DEVICE["thimble_hover"].default
-# A surrogate is tried out at this tilt [rad] and at this depth below first contact [m].
+# [rad] Tilt at which a surrogate is tried out.
+# [m] Depth beyond first contact at which it is tried out.
 TRIED_TILT, TRIED_DEPTH = 0.2, 0.5e-3
 
 
 @dataclass(frozen=True, eq=False)
 class ThimbleUse:
-    """A thimble on one finger, or a platform on six legs that is matched like a thimble.
+    """A thimble on one finger, or six legs that are matched like a thimble.
 
     Attributes:
         device: the mechanism, mounted as on this person.
@@ -68,7 +71,9 @@ class ThimbleUse:
 
 
 def calibrated_mechanism(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> tuple[Thimble, float]:
-    """Return a preset's mechanism as mounted on a person, and the friction coefficient of its disc.
+    """Return a preset's mechanism as mounted on a person, and its friction.
+
+    The friction is the Coulomb coefficient of its disc.
 
     Args:
         spec: the device's preset.
@@ -101,7 +106,9 @@ def method_name(spec: DeviceSpec) -> str:
 
 
 def by_stress(spec: DeviceSpec, parameters: Mapping[str, Any]) -> bool:
-    """Return whether a device is matched by a search for its pose, and not by a look-up table.
+    """Return whether a device is matched by a search for its pose.
+
+    Other devices are matched by a look-up table.
 
     This is so for each thimble, and for six legs unless their method is 'lookup'.
 
@@ -125,7 +132,9 @@ def by_stress(spec: DeviceSpec, parameters: Mapping[str, Any]) -> bool:
 
 
 def disc_device(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any]) -> tuple[DiscDevice, float]:
-    """Return a thimble's or six legs' mechanism as mounted on a person, and the friction coefficient of its disc.
+    """Return the mechanism of a thimble or of six legs, and its friction.
+
+    The mechanism is mounted as on a person. The friction is the Coulomb coefficient of its disc.
 
     Arguments and errors are those of `calibrated_mechanism`. Six legs have no calibration.
     """
@@ -200,7 +209,10 @@ def _near(spec: DeviceSpec, device: DiscDevice, contact: DiscContact) -> tuple[F
 
 
 def middle_of(spec: DeviceSpec, device: DiscDevice) -> Array:
-    """Return a level configuration within the device's range, a start for forward kinematics, shape (freedoms,)."""
+    """Return a level configuration of a device, shape (freedoms,).
+
+    It is within the device's range, and a start for forward kinematics.
+    """
     distance = reference_distance(spec, device) if isinstance(device, Thimble) else float(spec.value("rest_distance"))
     return seated(device, 0.0, 0.0, distance)
 

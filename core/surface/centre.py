@@ -52,7 +52,7 @@ def centres_of(meshes: Sequence[Mesh]) -> Array:
 
 
 def held_centres(centres: Array) -> Array:
-    """Replace the centres of an absent object by the last one before, shape (n, 3).
+    """Replace the centres of an absent object by the last one, shape (n, 3).
 
     If there is none before, the first one after is used. An object then has no velocity and acceleration while it is
     absent. If it is always absent, all centres are zero.

@@ -64,7 +64,9 @@ def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1
 
 
 def _close(start: Array, way: Array, middle: Array, radius: Array, front: Array) -> tuple[Indices, Indices]:
-    """Return the pairs of a segment and a sphere that meet, if the segment also crosses the sphere's plane.
+    """Return the pairs of a segment and a sphere that meet.
+
+    The segment must also cross the sphere's plane from its front.
 
     Args:
         start, way: first point and vector of each segment [m], shape (n, 3).

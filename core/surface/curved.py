@@ -209,7 +209,11 @@ class _Refined:
         return tolerance
 
     def reach(self, net: Array, tolerance: float, most: int) -> bool:
-        """Split until the tolerance [m] is met; return whether `most` triangles were enough."""
+        """Split triangles until the tolerance is met.
+
+        Returns:
+            Whether `most` triangles were enough.
+        """
         while True:
             edge, number = self._edges()
             off = np.zeros(len(number))
@@ -224,7 +228,7 @@ class _Refined:
             self._split(split[edge].reshape(-1, 3), edge, split, number)
 
     def _edges(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Return an index of each triangle's edges, shape (3 t,), and its first place.
+        """Return indices of the triangles' edges, (3 t,), and their first places.
 
         Triangles that share an edge have the same index for it. The second array has, for each index, its first place
         in the first array.

@@ -14,7 +14,7 @@ from .curved import SHARP, TOLERANCE, CurvedMesh, corner_normals, curved_mesh, s
 
 
 def curved_scene(scene: TactileScene, names: Sequence[str] = (), sharp: float = SHARP) -> TactileScene:
-    """Return a scene in which bodies have curved surfaces instead of flat faces.
+    """Return a scene whose bodies have curved surfaces instead of flat faces.
 
     The chunks of the returned scene can be read once. Reading them reads those of `scene`.
 

@@ -1,4 +1,4 @@
-"""KernelBody: record of a surface for the kernels, and signed distances to it.
+"""KernelBody: a surface for the kernels, and signed distances to it.
 
 `core/kernels/distance.c` describes the method.
 """

@@ -1,4 +1,4 @@
-"""Patches: the curved surface that a triangle mesh and its corners' normals define.
+"""Patches: curved surface over a triangle mesh and its corners' normals.
 
 There is a cubic Bezier triangle over each triangle. It goes through the triangle's corners and is perpendicular to
 their normals. The shape of an edge depends only on the positions and normals of its two ends, so neighbours meet
@@ -97,7 +97,7 @@ def bends(net: Array) -> Array:
 
 
 def weights(places: Array) -> Array:
-    """Return the weight of each control point at places on a patch, shape (n, 10).
+    """Return the weights of control points at places on a patch, (n, 10).
 
     Args:
         places: barycentric coordinates on the patch, shape (n, 3).
@@ -133,7 +133,7 @@ def _handle(chord: Array, own: Array, other: Array, straight: NDArray[np.bool_])
 
 
 def _twins(topology: Topology) -> NDArray[np.int64]:
-    """Return for each edge the index of the same edge in the other triangle, shape (T, 3).
+    """Return the index of each edge in the triangle across, shape (T, 3).
 
     Edge k of triangle t has the index 3 t + k. An edge without another triangle has its own index.
     """

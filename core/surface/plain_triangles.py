@@ -1,4 +1,6 @@
-"""Signed gaps computed by numpy, for devices without a skin if no kernels are available.
+"""Signed gaps computed by numpy, if no kernels are available.
+
+They serve devices without a skin.
 
 They are exact, but slow to compute. Everything else uses `KernelBody`. The results of both agree except for rounding.
 """
@@ -38,7 +40,10 @@ class PlainTriangles:
         self._usable = np.flatnonzero(table.usable)
 
     def query(self, points: Array, limit: float) -> GapQuery:
-        """Return the signed gap, closest point and normal of each point, as `KernelBody.query` does."""
+        """Return the signed gap, closest point and normal of each point.
+
+        Arguments are those of `KernelBody.query`.
+        """
         n = len(points)
         found = GapQuery(
             np.full(n, np.inf),

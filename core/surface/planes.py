@@ -36,7 +36,7 @@ def pieces(table: TriangleTable, topology: Topology) -> Indices:
 
 
 def joined(table: TriangleTable, topology: Topology, smallest: Array | float) -> Indices:
-    """Join triangles across edges; return the index of each triangle's group, shape (T,).
+    """Join triangles across edges; return each triangle's group, shape (T,).
 
     Args:
         table: the triangles.
@@ -89,7 +89,7 @@ class Planes(NamedTuple):
         return cls(plane, np.searchsorted(plane[triangle], np.arange(plane.max() + 2)), start, way)
 
     def rim(self, triangle: Indices, points: Array) -> Array:
-        """Return the distance of points from the rims of their planes [m], shape (n,).
+        """Return the distances of points from the rims of their planes [m], (n,).
 
         It is inf for a plane without a rim.
 
@@ -111,6 +111,6 @@ class Planes(NamedTuple):
 
 
 def _rims(plane: Indices, across: Indices) -> tuple[Indices, Indices]:
-    """Return the edges on rims: indices of their triangles, and of the edges in these."""
+    """Return the edges on rims: triangle, and index in it, shape (k,) each."""
     triangle, edge = ((across < 0) | (plane[across] != plane[:, None])).nonzero()
     return triangle, edge

@@ -1,4 +1,7 @@
-"""Repairs of a scene: values that are not finite are replaced and reported."""
+"""Repairs: values of a scene that are not finite are replaced.
+
+Findings report them.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +33,9 @@ class Repairs:
         self._bad.setdefault((code, name), []).extend(frames)
 
     def poses(self, kind: str, names: list[str], poses: Array, frames: Array) -> Array:
-        """Replace poses that are not finite by the last good one; record their frames.
+        """Replace poses that are not finite by the last good one.
+
+        Their frames are recorded.
 
         If there was no good pose before, the first good one of these samples is used, or else the identity.
 
@@ -59,7 +64,7 @@ class Repairs:
         return poses
 
     def animated(self, chunks: Sequence[Chunk], frames: Array, scene: TactileScene) -> dict[str, Array]:
-        """Join the animated parameters of all chunks; replace values that are not finite.
+        """Join the animated parameters of all chunks, and replace bad values.
 
         A value that is not finite is replaced by the last good one, or by the first good one if there is none before.
         If a chunk does not have a parameter, the value in the scene's header is used.

@@ -116,7 +116,7 @@ def _drawn_out(profile: Array, length: float) -> Shape:
 
 
 def _divided(points: Array, triangles: NDArray[np.int64]) -> Shape:
-    """Divide each triangle into four, with new points in the middles of the edges."""
+    """Divide each triangle into four, by the middles of its edges."""
     edges = np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     unique, number = np.unique(edges, axis=0, return_inverse=True)
     middle = number.reshape(-1, 3) + len(points)

@@ -55,7 +55,10 @@ class SurfaceNormals:
 
     @cached_property
     def _fans(self) -> tuple[Indices, Indices, Indices]:
-        """Faces around each merged vertex, their corners there, and the first place of each vertex."""
+        """Faces around each merged vertex, and their corners there.
+
+        The third array has the first place of each vertex in the other two, and finally their length.
+        """
         flat = self._topology.corners.reshape(-1)
         order = np.argsort(flat, kind="stable")
         start = np.concatenate([[0], np.cumsum(np.bincount(flat, minlength=self._count))])

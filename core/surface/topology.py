@@ -1,4 +1,4 @@
-"""Topology of a triangle surface: adjacency, boundaries and irregular edges.
+"""Topology of a triangle surface: neighbours, boundaries, irregular edges.
 
 It depends on the triangles, and on which vertices coincide, but not on the shape. For a deforming mesh it is computed
 once.
@@ -130,12 +130,12 @@ class Topology:
 
     @cached_property
     def irregular(self) -> bool:
-        """Whether there are edges or vertices at which no normal determines the side."""
+        """Whether at some edge or vertex no normal determines the side."""
         return bool((self.edge_kind == IRREGULAR).any() or (self.vertex_kind == IRREGULAR).any())
 
     @cached_property
     def parts(self) -> NDArray[np.int64]:
-        """Index of each triangle's part, shape (T,). A part is connected across edges."""
+        """Index of each triangle's part, connected across edges, shape (T,)."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
@@ -160,7 +160,7 @@ class Topology:
 
 
 def merge_coincident(vertices: Array) -> NDArray[np.int64]:
-    """Return for each vertex the lowest index at exactly its place, shape (V,)."""
+    """Return the lowest index at exactly the place of each vertex, shape (V,)."""
     exact = np.ascontiguousarray(vertices + 0.0)  # -0.0 becomes 0.0
     order = np.lexsort(exact.T)
     ordered = exact[order]
@@ -182,7 +182,9 @@ def _rounding(vertices: Array) -> float:
 
 
 def _welded(vertices: Array, found: Topology) -> tuple[NDArray[np.int64], float]:
-    """Return merged vertices, including those on rims that rounding may have separated.
+    """Merge vertices on rims that rounding may have separated.
+
+    Vertices that `found` merged stay merged.
 
     Returns:
         Index of the vertex that replaces each vertex, shape (V,), and the largest distance between the two [m].
@@ -293,7 +295,7 @@ def topology_of(vertices: Array, triangles: NDArray[np.integer]) -> Topology:
 
 
 def cut_otherwise(one: NDArray[np.integer], other: NDArray[np.integer]) -> bool:
-    """Return whether two meshes have the same faces, cut along other diagonals.
+    """Return whether meshes have the same faces, cut along other diagonals.
 
     Vertices can then be followed from one mesh to the other. A diagonal is an edge that only one of the two meshes has.
     Triangles that share diagonals form a face. A face has the same outline in both meshes, and all its corners are on
@@ -328,7 +330,7 @@ def _edges(triangles: NDArray[np.integer]) -> NDArray[np.int64]:
 
 
 def _joined(edges: NDArray[np.int64], inner: NDArray[np.intp]) -> NDArray[np.int32] | None:
-    """Return the face of each triangle, if triangles are joined at inner edges.
+    """Return the face of each triangle if joined at inner edges.
 
     Args:
         edges: directed edges of the triangles, see `_edges`, shape (3 t,).

@@ -1,4 +1,4 @@
-"""TriangleTree: tree of boxes around triangles, for searches by the kernels.
+"""TriangleTree: tree of boxes around triangles, which kernels search.
 
 `core/kernels/tree.c` describes the method.
 """

@@ -17,7 +17,9 @@ SLIVER = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class TriangleTable:
-    """Data of each triangle for distance queries, one row per quantity so that gathers are contiguous.
+    """Data of triangles for distance queries.
+
+    There is one row per quantity, so that the data of several triangles are gathered from contiguous memory.
 
     Attributes:
         rows: corner a (3), edges ab (3) and ac (3) [m], squared lengths of ab, ac and bc, ab.ac [m^2], and the
@@ -78,7 +80,7 @@ class TriangleTable:
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """Return the dot products of columns, (..., n), of arrays of shape (..., 3, n)."""
+    """Return dot products of columns, from shapes (..., 3, n) to (..., n)."""
     product = a * b
     out: Array = product[..., 0, :] + product[..., 1, :]
     out += product[..., 2, :]

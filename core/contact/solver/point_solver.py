@@ -1,4 +1,6 @@
-"""Contact along a path, on points of the smooth skin that are refined where the objects are curved.
+"""Contact along a path, on points of the smooth skin.
+
+The points are finer where the objects are curved.
 
 `PointSolver` works like `PathSolver`, but its set of points changes from frame to frame. If a body has moved, a
 quadtree finds the cells that may touch (see `PointTree`). Their centres are the points, and the compliance matrix
@@ -49,7 +51,7 @@ class PointSolver(PathSolver):
     """Contact of one finger on its smooth pad, frame after frame.
 
     Args:
-        surface: the compliance between cells of the pad.
+        surface: compliance between cells of the pad.
         nodes: converts forces on cells to forces on the nodes of a mesh. If it is None, forces stay on the cells, and
             the skin must be linear.
 
@@ -96,14 +98,17 @@ class PointSolver(PathSolver):
 
     @property
     def pad(self) -> Array:
-        """Points of the undeformed skin at which first contact is detected [m], shape (n, 3)."""
+        """Points of undeformed skin that detect first contact [m], shape (n, 3)."""
         return self._pad
 
     def outside(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
-        """Return the smallest gap of the undeformed skin [m]; inf if no body is within reach."""
+        """Return the smallest gap of the undeformed skin [m].
+
+        It is inf if no body is within reach.
+        """
         if not all(body.away or isinstance(body.surface, Plane) or body.surface.closed for body in bodies):
             return super().outside(bodies, reach)
-        # the gaps of two points differ by at most their distance, so skin far from the closest point can be left out
+        # The gaps of two points differ by at most their distance, so skin far from the closest point can be left out.
         sizes = self._reach.sizes
         gap = node_gaps(self.places, bodies, reach + float(sizes.max()), self.bone).gap
         closest = float((gap + sizes).min())
@@ -114,12 +119,15 @@ class PointSolver(PathSolver):
 
     @property
     def places(self) -> Array:
-        """The centres of the coarsest cells, which cover the pad [m], shape (p, 3)."""
+        """Centres of the coarsest cells, which cover the pad [m], shape (p, 3)."""
         return self._reach.places
 
     @property
     def reach(self) -> Array:
-        """Radius around each of `places` that contains the skin of its cell in the next frame [m], shape (p,)."""
+        """Radius around each of `places` [m], shape (p,).
+
+        The sphere contains the skin of the cell in the next frame.
+        """
         sizes = self._reach.sizes
         return sizes + self._bulge(self._reach.moved(self._force, self._image)) if self.loaded.any() else sizes
 
@@ -145,7 +153,9 @@ class PointSolver(PathSolver):
         super().restore(state)
 
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
-        """Return the largest movement of the bodies' material along its own normal at some points [m].
+        """Return the largest normal movement of the bodies' material [m].
+
+        It is the movement at some points, along the normal of the material.
 
         It is measured on the triangles. A difference of gaps would jump where a surface has an edge, so it is used only
         for bodies whose triangles have changed since the last frame.
@@ -161,7 +171,10 @@ class PointSolver(PathSolver):
         return far
 
     def nodal(self, force: Array) -> Array:
-        """Return forces on the points [N] as forces on the nodes of the skin's mesh, shape (m, 3)."""
+        """Return forces on the nodes of the skin's mesh [N], shape (m, 3).
+
+        If `nodes` is None, the forces on the points are returned.
+        """
         return force if self.nodes is None else self.nodes.spread(self.cells, force)
 
     def beyond(self) -> Array:
@@ -182,14 +195,18 @@ class PointSolver(PathSolver):
         part: bool = False,
     ) -> PathStep:
         """Solve the next frame, as `PathSolver.step` does."""
-        # if a frame moves far, its gaps were measured at the points of the frame before
+        # If bodies moved far in this frame, its gaps were measured at the points of the frame before.
         late = gaps is None or not (part or gaps is self._calm) and self._asks(bodies)
         if late and (part or not self.unmoved(bodies)):
             gaps = self._looked(tuple(bodies), True)
         return super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
 
     def _looked(self, bodies: tuple[ContactBody, ...], slow: bool) -> NodeGaps:
-        """Measure gaps; if a survey is due and bodies move slowly, change the points first."""
+        """Measure gaps.
+
+        If a survey is due, the points are changed first, provided that the bodies move slowly or that the history is
+        empty.
+        """
         asks = self._asks(bodies)
         if asks and (slow or self.fresh):
             self._survey(bodies)
@@ -208,7 +225,10 @@ class PointSolver(PathSolver):
         return gaps
 
     def _freed(self, bodies: tuple[ContactBody, ...], places: Array) -> Freed:
-        """Return the points that slide beside an edge, and their positions without their own force."""
+        """Return the points that slide beside an edge.
+
+        Their positions are those without their own force.
+        """
         if all(body.away or body.friction >= HELD for body in bodies):
             return NOTHING
         some, beside = self._cell_gaps.beside_edges(self.loaded & ~self.history.sticking)
@@ -228,7 +248,10 @@ class PointSolver(PathSolver):
     # -- the points ----------------------------------------------------------------------------------------------
 
     def _asks(self, bodies: Sequence[ContactBody]) -> bool:
-        """Whether any body near the pad has moved since the last survey, so that the points may have to change."""
+        """Return whether a new survey of the points is due.
+
+        It is due at first, and if a body near the pad has moved since the last survey.
+        """
         if self._asked is None:
             return True
         for a, b in paired(self._asked, bodies):
@@ -239,7 +262,10 @@ class PointSolver(PathSolver):
         return False
 
     def _survey(self, bodies: tuple[ContactBody, ...]) -> None:
-        """Find the cells that may touch with a survey of the tree, and make them the points."""
+        """Find the cells that may touch, and make them the points.
+
+        They are found by a survey of the tree.
+        """
         found = self._tree.survey(bodies, self._skin(), REACH, self.bone, self.cells[self.loaded])
         self._asked = bodies
         leaving, entering = self._points.difference(found)
@@ -262,7 +288,10 @@ class PointSolver(PathSolver):
         self._zero, self._status = np.zeros((len(self.cells), 3)), np.zeros(len(self.cells), dtype=np.int8)
 
     def _inherit(self, passed: Succession, order: Indices) -> None:
-        """Give each point its own state from before, or the state of the cells that it replaces."""
+        """Set the state of each point after a change of the points.
+
+        A point that stays keeps its state. A new point takes the state of the cells that it replaces.
+        """
         n, count, force, history = len(self.cells), len(order), self._force, self.history
 
         def kept(values: Array) -> Array:
@@ -293,7 +322,7 @@ class PointSolver(PathSolver):
     # -- the compliance ------------------------------------------------------------------------------------------
 
     def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:
-        # between bodies that do not move, gaps change only because the skin's position converges: no new solve is due
+        # If no body moves, gaps change only because the skin's position converges, so no new solution is needed.
         stands = self._step is not None and same_places(bodies, self._bodies)
         return STANDS if stands else super()._allowed(bodies)
 

@@ -26,7 +26,7 @@ TOLERANCE = 2e-3
 LONGEST = 2**16  # [taps] longest filter: 8 s at 8 kHz
 FINER = 8  # factor by which the grid of the cepstrum is finer than that of the filter's own frequencies
 NEAR = 1.01  # ratio of the two frequencies between which the slope at an end of the band is taken
-FALL = math.log(4.0) / math.log(2.0) ** 2  # fall of the log gain beyond the band: 12 dB after one octave
+FALL = math.log(4.0) / math.log(2.0) ** 2  # factor of the log gain's fall beyond the band: 12 dB after one octave
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,8 @@ from ..scene.tactile_scene import Mesh, check_mesh
 from .patches import Patches, bends, weights
 from .topology import Topology
 
-TOLERANCE = 10e-6  # [m] the force of a ball of 6 mm is off by up to 0.3 %; made of 320 flat faces, by up to 5 %
+# [m] Default tolerance. The force of a ball of 6 mm is then off by up to 0.3 %; made of 320 flat faces, by up to 5 %.
+TOLERANCE = 10e-6
 MOST = 100_000  # largest number of triangles of a curved surface; a mesh that has more at first keeps them
 _LOOKS = (1 / 3, 2 / 3)  # places along an edge at which it is compared with its patch, 0 to 1
 _PEAK = 9 / 8  # error of a parabola at its middle, divided by its error at `_LOOKS`
@@ -36,13 +37,13 @@ _PARTS: tuple[tuple[tuple[int, int, int], ...], ...] = (
 
 @dataclass(frozen=True, eq=False)
 class CurvedMesh:
-    """Triangle mesh on the curved surface that a flat mesh stands for.
+    """Triangle mesh on the curved surface that a flat mesh approximates.
 
     Attributes:
         mesh: the vertices of the flat mesh, then the new ones; the flat mesh itself if no triangle was split.
         offset: largest distance from a flat face to the curved surface [m], at the new vertices and the faces' middles.
-        left: distance that remains between the triangles and the curved surface [m].
-        tolerance: distance that was asked for [m]. `left` may exceed it if it would have needed too many triangles.
+        left: largest distance that remains between the triangles and the curved surface [m].
+        tolerance: distance allowed when the mesh was made [m]. `left` exceeds it if it needed too many triangles.
     """
 
     mesh: Mesh
@@ -178,7 +179,7 @@ class _Refined:
         triangles: indices of vertices, shape (t, 3).
         patch: index of the patch of each vertex, shape (v,); 0 for the given vertices.
         place: barycentric coordinates of each vertex on its patch, shape (v, 3); zero for the given vertices.
-        left: distance between the triangles and their patches [m].
+        left: largest distance between the triangles and their patches [m].
     """
 
     def __init__(self, mesh: Mesh, patches: Patches) -> None:

@@ -1,8 +1,7 @@
 """Signed gaps computed by numpy, if no kernels are available.
 
-They serve devices without a skin.
-
-They are exact, but slow to compute. Everything else uses `KernelBody`. The results of both agree except for rounding.
+They serve devices without a skin. They are exact, but slow to compute. Everything else uses `KernelBody`. The results
+of both agree except for rounding.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from .topology import Topology
 from .triangles import TriangleTable
 
 # [m] Smallest radius of a gentle bend.
-# [m] Largest distance between the middles of two triangles; triangles further apart are judged as if they were so near.
+# [m] Largest distance between the middles of two neighbours that is used; larger distances count as this one.
 RADIUS, LARGE = 5e-3, 1e-3
 # Triangles lie in one plane if 1 minus the cosine between their normals is below this.
 LEVEL = 1e-9

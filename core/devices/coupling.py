@@ -23,7 +23,7 @@ class Coupling:
     """Linear map from commands of k new motors to those of n original motors.
 
     Attributes:
-        matrix: original commands for a unit command of each new motor, shape (n, k).
+        matrix: change of the original commands for a unit command of each new motor, shape (n, k).
         offset: original commands for zero commands, shape (n,).
         channels: channels of the original motors, with their ranges.
     """
@@ -33,18 +33,20 @@ class Coupling:
     channels: tuple[Channel, ...]
 
     def original(self, commands: Array) -> Array:
-        """Return original commands for commands of the new motors.
+        """Return the original commands, shape (..., n).
 
-        The shape (..., k) becomes (..., n).
+        Args:
+            commands: commands of the new motors, shape (..., k).
         """
         return self.offset + commands @ self.matrix.T
 
     def reduced(self, commands: Array) -> Array:
-        """Return the commands of the new motors nearest to original commands.
-
-        The shape (..., n) becomes (..., k).
+        """Return the nearest commands of the new motors, shape (..., k).
 
         Distances are those of original commands divided by the motors' ranges.
+
+        Args:
+            commands: original commands, shape (..., n).
         """
         scale = 1.0 / np.array([(c.high or 0.0) - (c.low or 0.0) for c in self.channels])
         inverse = np.linalg.pinv(self.matrix * scale[:, None]) * scale
@@ -52,7 +54,7 @@ class Coupling:
 
 
 def coupling_of(spec: DeviceSpec) -> Coupling | None:
-    """Return the coupling of a preset made by `design`; None for others.
+    """Return the coupling of a preset by `design`; None for other presets.
 
     Raises:
         DermisError: the matrix does not fit the motors, or has fewer independent columns than there are new motors.

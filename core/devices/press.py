@@ -1,7 +1,5 @@
 """Press: contact of a platform with the skin, for many commands at once.
 
-Each command is reached from rest.
-
 A platform is a rigid disc under the pad, in a frame parallel to the finger's, with its face along +Z. Its carrier has
 rigid legs, or elastic cables and springs. The elasticity enters the contact problem as a compliance of rank six,
 w = (C + J P J') f + b, so that platform and skin are in equilibrium together.
@@ -99,7 +97,7 @@ class Press:
     def press(self, commands: Array, *, via: Array | None = None) -> Pressed:
         """Press rows from rest.
 
-        They are grouped to batches of similar rows, because each such batch needs few points.
+        They are grouped into batches of similar rows, because each such batch needs few points.
 
         Args:
             commands: commands at the end of each row's path, shape (n, motors).

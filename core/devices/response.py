@@ -283,10 +283,9 @@ class Responses:
     def driven(self, wanted: Array, now: Believed | None, last: Array) -> tuple[Array, Array]:
         """Return the values to drive, and limitations of the wanted ones [units].
 
-        A limitation is the amount by which a wanted value was limited.
-
-        The limits hold for wanted values too: a value that must not be driven must not be reached either. Channels
-        without a curve are driven as wanted, and not limited here.
+        A limitation is the amount by which a wanted value was limited. The limits hold for wanted values too, because a
+        value that must not be driven must not be reached either. Channels without a curve are driven as wanted, and not
+        limited here.
 
         Args:
             wanted: wanted values [units], shape (channels,).
@@ -319,7 +318,7 @@ class Responses:
 class _Line(NamedTuple):
     """Line through points, extended straight beyond its ends.
 
-    It is evaluated for one sample at a time, so numpy would not be faster.
+    It is evaluated for one sample at a time, so numpy is not used.
     """
 
     x: list[float]

@@ -1,9 +1,7 @@
 """VoiceCoil: coil and magnet that shake the fingertip.
 
-A voltage drives the coil.
-
-The wanted movement is a displacement along one axis. The voltage for it follows from the inverse of the measured
-response, in the measured band.
+A voltage drives the coil. The wanted movement is a displacement along one axis. The voltage for it follows from the
+inverse of the measured response, in the measured band.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Use of a thimble on one finger: mechanism, method and learned model.
 
-The mechanism is mounted as on this person.
+The mechanism is mounted as on the person who wears it.
 
 Bake, preview, plot and adaptation all call `prepare`, so all of them use the same device.
 """

@@ -126,7 +126,7 @@ class PointSolver(PathSolver):
     def reach(self) -> Array:
         """Radius around each of `places` [m], shape (p,).
 
-        The sphere contains the skin of the cell in the next frame.
+        A sphere of this radius contains the skin of the cell in the next frame.
         """
         sizes = self._reach.sizes
         return sizes + self._bulge(self._reach.moved(self._force, self._image)) if self.loaded.any() else sizes
@@ -155,10 +155,8 @@ class PointSolver(PathSolver):
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
         """Return the largest normal movement of the bodies' material [m].
 
-        It is the movement at some points, along the normal of the material.
-
-        It is measured on the triangles. A difference of gaps would jump where a surface has an edge, so it is used only
-        for bodies whose triangles have changed since the last frame.
+        It is the movement of the triangles at some points, along the normals of the gaps. A difference of gaps would
+        jump at an edge of a surface, so it is used only for bodies whose triangles have changed since the last frame.
         """
         far, which = 0.0, gaps.body[nodes]
         for i in np.unique(which).tolist():
@@ -227,7 +225,7 @@ class PointSolver(PathSolver):
     def _freed(self, bodies: tuple[ContactBody, ...], places: Array) -> Freed:
         """Return the points that slide beside an edge.
 
-        Their positions are those without their own force.
+        The result also has their positions without the displacement by their own force.
         """
         if all(body.away or body.friction >= HELD for body in bodies):
             return NOTHING
@@ -250,7 +248,8 @@ class PointSolver(PathSolver):
     def _asks(self, bodies: Sequence[ContactBody]) -> bool:
         """Return whether a new survey of the points is due.
 
-        It is due at first, and if a body near the pad has moved since the last survey.
+        It is due at first. Later, it is due if a body near the pad has appeared, disappeared or changed its surface, or
+        has moved farther than the tree's patience, since the last survey.
         """
         if self._asked is None:
             return True

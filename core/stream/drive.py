@@ -1,11 +1,13 @@
-"""The phases of one connected device: idle, arming, live, on the way to its safe state, and draining.
+"""The phases of one connected device, from arming to its safe state.
 
-Whatever ends a stream, the device goes to its safe state first, at its own speed, and the messages in the link leave;
-only then may the link be closed. After a stop, a stall or a fault nothing moves until a person arms again.
+While the link works, the end of a stream brings the device to its safe state first, at the device's own speed. The
+messages that still wait in the link then get some time to leave. Only after that is the link closed. After a stop, a
+stall or a fault no samples are sent until a person arms again.
 
-The sender is its own dead man's switch: where no command has left for longer than the board's declared silence, as
-after a suspension, the board may have moved by itself. The stream ends then, and the way to the safe state begins where
-the declaration says that the board is.
+The sender watches its own silence. If nothing has left for longer than the board's declared silence, for example
+because the computer was suspended, the board may have moved by itself. The stream then ends. The way to the safe state
+begins at the pose that the board's declaration names. If it names none, nothing is sent, except to a device that goes
+to its safe state by itself or at once.
 """
 
 from __future__ import annotations
@@ -30,10 +32,10 @@ from .state import State
 from .touch_panel_source import PanelSource
 from .track_source import TrackSource
 
-ARMING = 1.0  # a device that is not armed after this long will not be [s]
+ARMING = 1.0  # [s] A device that has not armed within this time is given up.
 SWITCH_OFF = "Switch its supply off"
-APART = 0.05  # so long apart, because a disturbed line or network loses messages that leave together [s]
-REPEAT = 3  # a safe state is written this often where no device confirms it
+APART = 0.05  # [s] between repeats of a safe state: a disturbed line or network loses messages that leave together
+REPEAT = 3  # [1] how often the safe state is written at the end of a ramp: most devices on a ramp do not confirm it
 
 
 class Phase(Enum):
@@ -50,9 +52,9 @@ class Drive:
     """Drives one device over one connection, a tick at a time.
 
     Attributes:
-        request: Blender's latest. phase: the current task. message: the last error, or the awaited event.
-        leaving: the link will be closed, the device safe first. drained: it can be closed now.
-        driven: this link has brought the device where the limiter believes it.
+        request: Blender's latest request. phase: the current task. message: the last error, or the awaited event.
+        leaving: the link is to be closed, after the way to the safe state. drained: the link can be closed now.
+        driven: this link has sent the device a command, so the device should be at the limiter's last values.
     """
 
     def __init__(self, connection: Connection, request: StreamRequest, counters: Counter[str], message: str) -> None:
@@ -62,25 +64,29 @@ class Drive:
         self.leaving = self.drained = self.driven = False
         self._counters = counters
         self._since = 0.0  # when arming began [s]
-        self._told_at = 0.0  # when the device was told to go to its safe state by itself [s]
+        self._told_at = 0.0  # when messages that order the safe state were written last [s]
         self._stalled = False
         self._ramp: SafeRamp | None = None
-        self._unsaid: list[bytes] = []  # word to go to the safe state that found no room
+        self._unsaid: list[bytes] = []  # messages that order the safe state; the link had no room for them yet
         self._drain: Drain | None = None
 
     # -- requests
 
     def arm(self, now: float, *, alive: bool) -> None:
-        """Begin to arm; the message says why not. `alive`: Blender gives signs of life, or need not."""
+        """Begin to arm, or let the message say why not.
+
+        Args:
+            alive: Blender gives signs of life, or the stream does not need them.
+        """
         adapter = self.connection.adapter
         if not adapter.ready or self.leaving:
             self.message = "not connected, so nothing was armed"
         elif self.phase is Phase.LIVE:
-            pass  # already; to begin again would lead it back to where it was armed
+            pass  # It is armed already. To arm it again would begin at the pose last reported, which may be an old one.
         elif self.phase is Phase.SAFING:
             self.message = "not armed before the safe state is reached; arm again then"
         elif self.output.source is None:
-            pass  # the message says why
+            pass  # the message says already why there is no source
         elif not alive:
             self.message = "Blender gives no sign of life, so nothing was armed"
         else:
@@ -88,7 +94,10 @@ class Drive:
             adapter.arm()
 
     def stop(self, now: float, message: str) -> None:
-        """Go to the safe state; a device that knows one is told so even where it is not armed."""
+        """Go to the safe state.
+
+        A device that goes there by itself is told to go even if it is not armed.
+        """
         adapter = self.connection.adapter
         if self.armed:
             self.give_up(now, message)
@@ -97,39 +106,46 @@ class Drive:
             self._told_at = now
 
     def give_up(self, now: float, message: str) -> None:
-        """Go to the safe state if the device is armed, for a reason."""
+        """Set the message, and go to the safe state if the device is armed."""
         self.message = message
         if self.armed:
             self._to_safe(now)
 
     def leave(self, now: float, message: str) -> None:
-        """Begin to let the link go: the safe state first, then whatever waits, and then it can be closed."""
+        """Begin to end the link, after the way to the safe state.
+
+        The waiting messages leave after that, and then `drained` says that the link can be closed.
+        """
         self.leaving = True
         self.give_up(now, message)
         if self.phase is Phase.IDLE:
             self._begin_draining(now)
 
     def recalibrate(self, calibration: Calibration | None) -> None:
-        """Take another calibration under way: the device blends over to it.
+        """Take another calibration.
+
+        A device that gets samples blends over to the new values.
 
         Raises:
-            DermisError: it does not fit.
+            DermisError: the calibration does not fit the device or the track that plays.
         """
         moved, adapter = self.output.recalibrate(calibration), self.connection.adapter
-        adapter.wire = self.output.wire  # its safe pose may be another one
+        adapter.wire = self.output.wire  # the safe pose may have changed
         self.blend()
         if moved and self.armed and adapter.silence.watched:
             self.message = "Until you stop and arm again, the device's own safe pose is that of the calibration before"
 
     def blend(self) -> None:
-        """Blend over to the changed values, while samples leave."""
+        """Blend over to changed values; has no effect unless samples are sent."""
         if self.phase is Phase.LIVE:
             self.output.blend()
 
     # -- time passes
 
     def poll(self, now: float) -> bool:
-        """Exchange the protocol's own messages; return whether the device is there to be driven.
+        """Exchange the protocol's own messages; return whether to call `tick`.
+
+        True once the device is recognised. While the link is being ended: True until it drains, False from then on.
 
         Raises:
             DermisError: the device cannot be used, or has not answered.
@@ -148,17 +164,23 @@ class Drive:
         return True
 
     def _note_fault(self) -> None:
-        """Say a fault on the way to the safe state once; the way goes on as far as the link carries it."""
+        """Count a new fault, and add it to the message.
+
+        The way to the safe state goes on as far as the link carries it.
+        """
         fault = self.connection.take_fault()
         if fault and fault not in self.message:
             self._counters["faults"] += 1
             self.message = "; ".join(filter(None, (self.message.rstrip("."), fault)))
 
     def tick(self, now: float, *, alive: bool) -> None:
-        """Do the due work. `alive`: Blender gives signs of life, or need not.
+        """Do the due work.
+
+        Args:
+            alive: Blender gives signs of life, or the stream does not need them.
 
         Raises:
-            Gone: the link is closed.
+            Gone: the link is closed, has stood still for too long, or the device does not confirm its safe state.
         """
         if self.phase is Phase.ARMING:
             self._await_armed(now)
@@ -173,12 +195,15 @@ class Drive:
             self._stay_alive(now)
         if self.phase is Phase.IDLE and not self.connection.adapter.settled and now - self._told_at > STUBBORN:
             self._counters["safe states not confirmed"] += 1
-            raise Gone(  # and silent from now on, so that its own watchdog can act
+            raise Gone(  # Gone closes the link. Nothing is sent from now on, so that the device's watchdog can act.
                 "the device does not confirm its safe state", where=self.connection.link.name, remedy=SWITCH_OFF
             )
 
     def next(self, now: float) -> float:
-        """Return when the next thing will be due [s]: soon enough for a stop, however slow the device."""
+        """Return when `tick` is due next [s].
+
+        That is within 4 ms, so that a stop comes soon however slow the device is.
+        """
         if self.phase is not Phase.LIVE:
             return now + 0.002
         wait = 0.001 if self.connection.outbox.blocked else 0.004
@@ -188,7 +213,7 @@ class Drive:
 
     @property
     def state(self) -> State:
-        """How the link stands."""
+        """The state of the link, for people."""
         if self.phase in (Phase.SAFING, Phase.DRAINING):
             return State.STALLED if self._stalled else State.STOPPING
         if not self.connection.adapter.ready:
@@ -199,34 +224,47 @@ class Drive:
 
     @property
     def armed(self) -> bool:
-        """Whether the device moves, or may at any moment."""
+        """Whether the device is arming or gets samples, so that it may move.
+
+        False on the way to the safe state, although the device may move then, too.
+        """
         return self.phase in (Phase.ARMING, Phase.LIVE)
 
     @property
     def pose_known(self) -> bool:
-        """Whether it is known where the device is: it says so, or this link drove it, and it holds on."""
+        """Whether the device's pose is known.
+
+        It is known if the device reports it. It is also known if this link drove the device and one of two conditions
+        holds. Either the device is arming or gets samples. Or its pose in silence is known: the board declares one, its
+        protocol never reports poses, and its safe state does not release the actuators.
+        """
         adapter = self.connection.adapter
         held = adapter.silence.holds and not adapter.tells_pose and self.output.wire.reach != Reach.RELEASE
         return adapter.pose is not None or (self.driven and (self.armed or held))
 
     @property
     def astray(self) -> bool:
-        """Whether a device whose link is lost now may stay away from its safe state."""
-        watched = self.connection.adapter.silence.watched  # then the device sees to itself
+        """Whether a link lost now may leave the device out of its safe state."""
+        watched = self.connection.adapter.silence.watched  # the board itself ends the movement if samples stop
         open_ways = (Phase.SAFING, Phase.DRAINING) if watched else (Phase.SAFING, Phase.DRAINING, Phase.LIVE)
         return self.driven and self.phase in open_ways
 
     @property
     def going(self) -> str:
-        """The remaining step before the device is safe or the link closed, '' for none."""
+        """The remaining step to safety or to a closed link, for people.
+
+        It is '' if there is none.
+        """
         if self._ramp is not None:
             return f"going to the safe state, {self._ramp.seconds:.1f} s"
         return "making sure of the safe state" if self.phase is Phase.DRAINING else ""
 
     @property
     def horizon(self) -> float:
-        """How far ahead samples are sent now [s]: only while a playback runs, and no more than the device holds.
+        """How far ahead of their time samples are sent now [s].
 
+        It is 0 unless a track plays on a device that takes play-out times. It is at most the request's look-ahead,
+        and at most the time that the device's queue holds, less two commands.
         While nothing moves, no future values are needed. Samples sent ahead before a pause play out first.
         """
         adapter = self.connection.adapter
@@ -246,14 +284,14 @@ class Drive:
         if not adapter.armed:
             return
         pose = adapter.pose
-        if pose is None:  # where it is nobody knows; where it may be without harm, the preset does
+        if pose is None:  # The last command, if this link drove a device that never reports poses. Else the safe pose.
             pose = output.limiter.last if self.driven and not adapter.tells_pose else output.wire.safe
         output.begin(pose, now, self.horizon, self.request.ramp)
         self.phase = Phase.LIVE
         self.connection.outbox.begin(now)
 
     def _live(self, now: float, alive: bool) -> None:
-        """Send the samples that are due; samples that the link has held back come first."""
+        """Send the samples that are due, after the one that still waits."""
         adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
         source, clock = output.source, output.sample_clock
         assert source is not None
@@ -281,19 +319,26 @@ class Drive:
             self._counters["touches grown old"] = source.aged
 
     def _send(self, values: Array, play: float | None, now: float) -> bool:
-        """Send one command; return whether others may follow, False where it waits for room."""
+        """Send one command; return whether another may follow.
+
+        False means that this command still waits to be sent.
+        """
         result = self.connection.outbox.command(values, play, now, 2 * self.output.sample_clock.period)
         if result is not SendResult.UNSENT:
             self.connection.note(now, play, result is SendResult.SENT, Logged.LIVE)
         if result is SendResult.DROPPED:
-            self.output.limiter.undo()  # nothing was stepped after it
+            self.output.limiter.undo()  # takes back this command's step: the limiter has made none after it
         self.driven |= result is SendResult.SENT
         return result is not SendResult.UNSENT
 
     # -- the safe state
 
     def _to_safe(self, now: float) -> None:
-        """Begin the way to the safe state: the device's own, where it knows one or has got no samples yet."""
+        """Begin the way to the safe state.
+
+        A device that goes there by itself is told to go. A device that was still arming gets only the protocol's last
+        messages. Any other device is led there by a ramp; if the sender was silent, `_after_silence` decides.
+        """
         adapter = self.connection.adapter
         live, self.phase = self.phase is Phase.LIVE, Phase.SAFING
         self._drop_unsent(now)
@@ -307,13 +352,17 @@ class Drive:
             self._begin_ramp(now)
 
     def _send_safe(self, messages: list[bytes], now: float) -> None:
-        """Send the word on which the device goes to its safe state by itself; again where the link has no room."""
+        """Send the messages that order the safe state.
+
+        If the link has no room for all of them, later ticks send them again. After `STUBBORN` seconds of that the way
+        to the safe state is given up.
+        """
         output, adapter = self.output, self.connection.adapter
         left = self.connection.outbox.send(messages, now)
         self._told_at = now
         output.wanted = output.wire.safe_command
         self.connection.note(now, None, left, Logged.SAFE)
-        if left or not adapter.settled:  # one that waits for an answer says it again by itself
+        if left or not adapter.settled:  # an adapter that waits for an answer repeats the messages by itself
             output.limiter.last = output.wire.safe.copy()
             self._unsaid = []
             self._finish_safing(now)
@@ -324,21 +373,24 @@ class Drive:
             self._give_up_safing(now)
 
     def _give_up_safing(self, now: float) -> None:
-        """Say that the link does not take the safe state."""
+        """Give up the way to the safe state, because the device takes nothing."""
         self.driven = False
         self._counters["safe states not confirmed"] += 1
         self.message = "The device takes nothing, so its safe state could not be sent. Switch its supply off"
         self._finish_safing(now)
 
     def _drop_unsent(self, now: float) -> None:
-        """Forget the sample that waits for room."""
+        """Forget the sample that waits to be sent, and log it as not sent."""
         outbox = self.connection.outbox
         if outbox.unsent is not None:
             self.connection.note(now, outbox.unsent[1], False, Logged.LIVE)
         outbox.unsent = None
 
     def _begin_ramp(self, now: float, wait: float = 0.0) -> None:
-        """Lead the device to its safe state from the pose that it was driven to last, after a wait [s]."""
+        """Begin a ramp to the safe state, after a wait [s].
+
+        The ramp starts at the limiter's last values.
+        """
         self.phase = Phase.SAFING
         self.connection.outbox.begin(now)
         self.output.wanted = self.output.wire.safe_command
@@ -348,21 +400,37 @@ class Drive:
     # -- the sender's own silence
 
     def _stay_alive(self, now: float) -> None:
-        """Say something where commands are so far apart that the board would count this sender as silent."""
+        """Send a sign of life if nothing has left for 1 / `least_rate`.
+
+        Otherwise the board would count the sender as silent soon after.
+        """
         adapter, outbox = self.connection.adapter, self.connection.outbox
         if (now - outbox.left_at) * adapter.least_rate > 1.0 and not adapter.busy:
             messages = adapter.sign_of_life(self.output.limiter.last, now)
             outbox.send(messages, now, moves=True, count=False)
 
     def _after_silence(self, now: float) -> None:
-        """End the stream; go to safety from the pose that the board's declaration names, or nowhere."""
+        """End the stream after the sender was silent, and go to the safe state.
+
+        A way to the safe state goes on if the device stays at its last command in silence or is safe at once, if the
+        order to go there still waits for room, or if the ramp has reached its end. In all other cases:
+
+        - A device that goes to its safe state by itself is told to go.
+        - A device that stops or keeps its last command is led there from its last command. A device that is safe at
+          once gets its safe values.
+        - A device that retracts is taken to be at its safe pose, and gets no command before its own way must be over.
+        - The pose of any other device is not known, so nothing is sent to it.
+
+        Raises:
+            Gone: the link has stood still for so long that the commands in it are old.
+        """
         adapter, output, outbox = self.connection.adapter, self.output, self.connection.outbox
         silence, safing = adapter.silence, self.phase is Phase.SAFING
         at_last_command = silence.does in (Does.STOPS, Does.KEEPS) or output.wire.reach == Reach.AT_ONCE
-        if waiting := outbox.stale(now):  # old commands, which would be played in a burst
+        if waiting := outbox.stale(now):  # old commands, which the device would play in a burst
             raise Gone(f"the link stands still with {waiting} bytes in it", where=self.connection.link.name)
         if safing and (at_last_command or self._unsaid or (self._ramp is not None and self._ramp.there)):
-            outbox.begin(now)  # the way goes on from where it was, or is at its end
+            outbox.begin(now)  # the way to the safe state goes on from where it was, or has reached its end
             return
         quiet = f"no command has left for {outbox.silence:.2g} s, and the board's limit is {silence.after:.2g} s"
         quiet += ", because this computer was busy or asleep, or the link took nothing"
@@ -376,12 +444,13 @@ class Drive:
             self._begin_ramp(now)
         elif silence.does is Does.RETRACTS:
             output.limiter.last = output.wire.safe.copy()
-            # Silent until its own way must be over: a board that has only begun it would be told to jump.
+            # The sender stays silent until the board's own way must be over.
+            # Its first command is the safe pose: a board still on its way would jump there.
             way = output.wire.safe_seconds
             own_way = silence.after + (way if math.isfinite(way) else SAFE_SWEEP)
             self._begin_ramp(now, max(own_way - outbox.silence, 0.0))
         else:
-            adapter.safe()  # ends arming; its messages are commands, and are not sent
+            adapter.safe()  # called only to end arming: the messages that it returns are commands, and are not sent
             adapter.forget()
             self.driven = False
             self._counters["safe states not confirmed"] += silence.does is Does.UNKNOWN
@@ -389,7 +458,11 @@ class Drive:
             self._finish_safing(now)
 
     def _safing(self, now: float) -> None:
-        """Lead the device there, and say the safe state again and again once it is reached."""
+        """Do the due work on the way to the safe state.
+
+        Messages that found no room are sent again. Otherwise the ramp's next step is sent. At the end of the ramp the
+        safe state is written `REPEAT` times, `APART` seconds or more from each other.
+        """
         adapter, ramp, send = self.connection.adapter, self._ramp, self.connection.outbox.send
         if self._unsaid:
             self._send_safe(self._unsaid, now)
@@ -401,7 +474,7 @@ class Drive:
             if ramp.stuck(now):
                 self._give_up_safing(now)
             return
-        if ramp.due(now) and not ramp.said:  # after a word that lets actuators go, none may take hold again
+        if ramp.due(now) and not ramp.said:  # The safe state may release actuators. A step after it would power them.
             left = send(adapter.command(ramp.step(now), now, None), now, moves=True)
             self.connection.note(now, None, left, Logged.RAMP)
             if left:
@@ -410,7 +483,7 @@ class Drive:
                 adapter.forget()
                 ramp.undo()
         if ramp.there and ramp.said < REPEAT and now >= ramp.say_at:
-            adapter.forget()  # said again in full
+            adapter.forget()  # so that the safe state is written in full
             if send(adapter.safe() or adapter.command(self.output.wire.safe, now, None), now, moves=True):
                 self.connection.note(now, None, True, Logged.SAFE)
                 ramp.said, ramp.say_at, self._told_at = ramp.said + 1, now + APART, now

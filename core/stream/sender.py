@@ -1,8 +1,11 @@
-"""The sender's process: reads the shared state, ticks the streamer on a monotonic clock, writes the status.
+"""The sender's process, which runs the streamer for Blender.
 
-Its standard input is the parent pipe: when that ends, Blender is gone, and the device goes to its safe state, at its
-own speed. The process outlives Blender until it is there and all that waits in the link has left; a signal that asks it
-to end asks for the same, and a second one changes nothing.
+It reads requests and heartbeats from the shared state, ticks the streamer on a monotonic clock, and writes the status.
+
+Its standard input is the parent pipe. When the pipe ends, Blender is gone, and the device goes to its safe state, at
+its own speed. The process outlives Blender until the device is in its safe state and all messages have left the link,
+or until the attempt is given up. A signal that asks the process to end has the same effect. A second signal changes
+nothing.
 """
 
 from __future__ import annotations
@@ -26,24 +29,30 @@ from .streamer import Streamer
 from .touch_panel_source import Screen
 from .virtual.link import open_any_link
 
-STATUS_EVERY = 0.05
-FAILURES, AGAIN = 1000, 0.002  # turns of a way to the safe state that may fail, and the time between two of them [s]
+STATUS_EVERY = 0.05  # [s] between two writings of the status
+# FAILURES: number of failed ticks after which the way to the safe state is given up.
+# AGAIN: [s] from a failed tick to the next tick.
+FAILURES, AGAIN = 1000, 0.002
 
 
 def run(path: Path, load_screen: Callable[[Path], Screen] | None = None) -> int:
-    """Serve a shared state until its owner is gone; return the exit status."""
+    """Serve a shared state until its owner is gone or a signal comes.
+
+    Returns the exit status.
+    """
     shared = SharedState.open(path)
-    ended: list[str] = []  # why; an Event would wait for itself where one signal comes while another is handled
+    # The reasons to end. A list, since an Event would wait for itself if a signal came while another one is handled.
+    ended: list[str] = []
     follow_parent(lambda: ended.append("parent pipe"))
     for name in Signals.NAMES:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), lambda number, _: ended.append(str(number)))
     streamer = Streamer(open_any_link, load_screen, clock.now)
     gc.collect()
-    gc.freeze()  # a collection in the middle of a stream then has little to look at
+    gc.freeze()  # a garbage collection in the middle of a stream then has few objects to examine
     try:
         _loop(shared, streamer, ended)
-    finally:  # a defect must not leave a device under voltage either
+    finally:  # a defect of this program must not leave a device under voltage either
         _finish(shared, streamer)
     return 0
 
@@ -75,13 +84,17 @@ def _loop(shared: SharedState, streamer: Streamer, ended: list[str]) -> None:
 
 
 def _finish(shared: SharedState, streamer: Streamer) -> None:
-    """Bring the device to its safe state however long its ramp takes, let the link go, and remove the shared state."""
+    """Bring the device to its safe state, and remove the shared state.
+
+    The ramp to the safe state may take any time. The link is closed after it. After `FAILURES` failed ticks the way to
+    the safe state is given up.
+    """
     streamer.shut(clock.now())
     status_at, failures = 0.0, 0
     while not streamer.finished and failures < FAILURES:
         try:
             due = streamer.tick(clock.now())
-        except Exception:  # a defect in one turn must not end the way to the safe state
+        except Exception:  # a defect in one tick must not end the way to the safe state
             failures += 1
             traceback.print_exc()
             due = clock.now() + AGAIN
@@ -90,14 +103,14 @@ def _finish(shared: SharedState, streamer: Streamer) -> None:
             _tell(shared, streamer)
         time.sleep(max(due - clock.now(), 0.0))
     _tell(shared, streamer, state=State.DISCONNECTED, ended=streamer.finished)
-    shared.remove()  # its owner may be gone without having done so
+    shared.remove()  # its owner may be gone without having removed it
 
 
 def _tell(shared: SharedState, streamer: Streamer, **more: Any) -> None:
-    """Write the status; where it cannot be written, as much of it as always can be."""
+    """Write the status, or its most important part if the whole fails."""
     try:
         shared.write_status({**streamer.status(), **more})
-    except Exception as error:  # too long, or a value of an adapter's own that is no plain JSON
+    except Exception as error:  # the status is too long, or an adapter's value in it is no plain JSON
         least: dict[str, Any] = {
             "state": str(streamer.state),
             "armed": streamer.armed,

@@ -1,7 +1,8 @@
-"""The streamer, led by requests and signs of life: connecting, arming, stopping. It knows no process and no real time.
+"""The streamer: connects, arms and stops a device, as requests ask.
 
-state.py names the states of a link; drive.py drives the device while it is open. Arming takes an id that
-rises; one of them arms once.
+It starts no process, and its caller gives it requests, signs of life and the time. state.py names the states of a link;
+drive.py drives the device while the link is open. Every arming has a higher id than the one before, and an id arms only
+once.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from .state import State
 from .touch_panel_source import PanelSource, Screen
 from .track_source import TrackSource
 
-RETRY = 1.0  # between two attempts to connect again [s]
+RETRY = 1.0  # [s] between two attempts to connect
 
 
 class Streamer:
@@ -39,7 +40,8 @@ class Streamer:
         clock: read again just before a command leaves, see `Outbox`; None where time is simulated.
 
     Attributes:
-        request: the latest. counters: sent, dropped, skipped ... on this link and its next attempts.
+        request: the latest request. counters: how often on this link, over all its attempts to connect, commands were
+            sent, dropped, skipped and so on.
         output: output to the device; None before the first connection.
         drive: drive of the open link; None without a link.
         recorder: recorder of the log that a person asked for.
@@ -57,9 +59,9 @@ class Streamer:
         self.output: DeviceOutput | None = None
         self.drive: Drive | None = None
         self.recorder = Recorder()
-        self._message = ""  # while there is no link, which has its own
+        self._message = ""  # used while there is no link: the drive of a link has a message of its own
         self._faulty = self._closing = False
-        self._arm_id = self._stops = 0  # of the last arming and stop that were heard of
+        self._arm_id = self._stops = 0  # id of the last arming, and number of the stops, that requests have told
         self._heartbeat: Heartbeat | None = None
         self._heartbeat_at = -math.inf
         self._retry_at = 0.0
@@ -85,7 +87,7 @@ class Streamer:
             self._log(self.drive.connection, now)
         if self.drive is not None and not leaving and request.calibration != old.calibration:
             self.drive.recalibrate(request.calibrated())
-            moved = request.mode != "panel"  # a map of volts knows no calibration
+            moved = request.mode != "panel"  # a screen's map gives volts, whatever the calibration is
         if self.output is not None and not leaving and (moved or not request.same_source(old)):
             self._choose_source(now)
         if request.arm_id == 0 or request.arm_id < before:
@@ -99,7 +101,7 @@ class Streamer:
                 self.drive.message = f"Arm was pressed {late:.1f} s ago, so nothing was armed. Press it again"
 
     def heartbeat(self, heartbeat: Heartbeat, now: float) -> None:
-        """Take a sign of life."""
+        """Take a sign of life; go to the safe state if it tells another stop."""
         if heartbeat.stops != (self._heartbeat.stops if self._heartbeat is not None else 0):
             self._stops = heartbeat.stops
             self.stop(now, "Stopped")
@@ -108,17 +110,20 @@ class Streamer:
             self.output.show(heartbeat, now)
 
     def stop(self, now: float, message: str) -> None:
-        """Go to the safe state; nothing moves before the next arming."""
+        """Go to the safe state; no samples are sent before the next arming."""
         if (drive := self.drive) is not None:
             self._guarded(now, lambda: drive.stop(now, message))
 
     def shut(self, now: float) -> None:
-        """Begin to end: safe state, then nothing more. `finished` tells when; it needs ticks until then."""
+        """Begin to end: go to the safe state, then close the link.
+
+        Call `tick` until `finished` is true.
+        """
         self._closing = True
         self._guarded(now, lambda: self._leave(now, self.message))
 
     def tick(self, now: float) -> float:
-        """Do the due work; return when the next is due [s]."""
+        """Do the due work; return when `tick` is due next [s]."""
         self._guarded(now, lambda: self._tick(now))
         return self.drive.next(now) if self.drive is not None else now + 0.02
 
@@ -126,7 +131,7 @@ class Streamer:
 
     @property
     def state(self) -> State:
-        """How the link stands."""
+        """The state of the link, for people."""
         if self._faulty and (self.drive is not None or self.request.connect):
             return State.FAULT
         return self.drive.state if self.drive is not None else State.DISCONNECTED
@@ -143,16 +148,19 @@ class Streamer:
 
     @property
     def armed(self) -> bool:
-        """Whether the device moves, or may at any moment."""
+        """Whether the device is arming or gets samples, so that it may move.
+
+        False on the way to the safe state, although the device may move then, too.
+        """
         return self.drive is not None and self.drive.armed
 
     @property
     def finished(self) -> bool:
-        """Whether `shut` is through."""
+        """Whether `shut` was called and the link is closed since."""
         return self._closing and self.drive is None
 
     def counted(self) -> dict[str, int]:
-        """Return all that was counted, and more than never, by name."""
+        """Return all counts that are not zero, by name."""
         counted = {**self.counters, **(self.output.limited() if self.output is not None else {})}
         return {name: count for name, count in sorted(counted.items()) if count}
 
@@ -184,16 +192,16 @@ class Streamer:
         if drive.poll(now):
             source = drive.output.source
             if isinstance(source, TrackSource) and source.output_hz != drive.connection.output_hz:
-                self._choose_source(now)  # the device has reported its update rate by now
+                self._choose_source(now)  # the device has reported its update rate since the source was made
             drive.tick(now, alive=self._alive(now))
         elif drive.drained:
             self._close(drive.message)
 
     def _connect(self, now: float) -> None:
-        """Open the link, and ask who is there.
+        """Open the link, and begin to recognise the device.
 
         Raises:
-            DermisError: a setting that cannot be, or the link cannot be opened or used.
+            DermisError: a setting is impossible, or the link cannot be opened or used.
         """
         request = self.request
         self._faulty, self._message = False, ""
@@ -214,7 +222,11 @@ class Streamer:
         self.drive = Drive(connection, request, self.counters, self._message)
 
     def _guarded(self, now: float, work: Callable[[], None]) -> None:
-        """Do something with the link; if that is gone or refuses, disconnect and say so."""
+        """Work with the link; end it if it is lost or the work fails.
+
+        A lost link is closed at once. After any other error the device goes to its safe state first. The message says
+        why the link ends.
+        """
         try:
             work()
         except Gone as error:
@@ -232,7 +244,10 @@ class Streamer:
             self._guarded(now, lambda: self._leave(now, message))
 
     def _plan_retry(self, now: float) -> None:
-        """Plan when to connect again; a link that is being let go has no say in when the next one is opened."""
+        """Plan when to connect again.
+
+        A link that is being ended already does not change the plan.
+        """
         if self.drive is None or not self.drive.leaving:
             self._retry_at = now + RETRY if self.request.reconnect else math.inf
 
@@ -250,7 +265,10 @@ class Streamer:
             self.recorder.close()
 
     def _log(self, connection: Connection, now: float) -> None:
-        """Begin or end the log under way; a failure is told, and the stream goes on."""
+        """Begin, continue or end the log, as the request asks.
+
+        If that fails, the message says why, and the stream goes on.
+        """
         try:
             self.recorder.choose(self.request, connection.output, connection.adapter, now)
         except DermisError as error:
@@ -268,13 +286,20 @@ class Streamer:
         self.drive.arm(now, alive=self._alive(now))
 
     def _alive(self, now: float) -> bool:
-        """Return whether Blender gives signs of life, or need not: a track or a panel may play on without it."""
+        """Return whether Blender gives signs of life, or need not.
+
+        With `play_on` in the request, a track or a panel goes on without signs of life.
+        """
         source = self.output.source if self.output is not None else None
         needless = self.request.play_on and isinstance(source, TrackSource | PanelSource)
         return needless or now - self._heartbeat_at <= self.request.stall
 
     def _choose_source(self, now: float) -> None:
-        """Make the source of the mode; a failure leaves the device safe and says why."""
+        """Make the source of the request's mode, and blend over to it.
+
+        A source that goes on where the one before it was needs no blend. If no source can be made, an armed device
+        goes to its safe state, and the message says why.
+        """
         output, drive = self.output, self.drive
         assert output is not None
         published = self._heartbeat.values if self._heartbeat is not None else ()

@@ -1,4 +1,4 @@
-"""An open link to one device, with the protocol that is spoken over it and the messages that wait for room."""
+"""An open link to one device, with its protocol and waiting messages."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from .outbox import Outbox
 from .protocols.adapter import Adapter
 from .recorder import Recorder
 
-HANDSHAKE = 3.0  # a device that has not said who it is after this long is none [s]
+HANDSHAKE = 3.0  # [s] A device that has not been recognised within this time is given up.
 
 
 class Connection:
-    """One device, as far as link and protocol know it.
+    """One device, with its link and its protocol.
 
     Args:
         clock: read again just before a command leaves, see `Outbox`.
 
     Attributes:
         link: to the device. adapter: its protocol. outbox: commands on their way into the link. output: its values.
-        recorder: logs the values sent, where a person asked for a log.
+        recorder: logs the values sent, if a person asked for a log.
 
     Raises:
-        DermisError: the protocol does not go over this link, or the link cannot carry the commands.
+        DermisError: the protocol needs datagrams and this link has none, or the link cannot carry the commands.
     """
 
     def __init__(
@@ -88,23 +88,29 @@ class Connection:
         return self.adapter.ready
 
     def take_fault(self) -> str:
-        """Return why the device cannot be used, once; '' for no reason."""
+        """Return the reason why the device cannot be used, and clear it.
+
+        It is '' if there is none.
+        """
         fault, self.adapter.fault = self.adapter.fault, ""
         return fault
 
     def note(self, now: float, play: float | None, sent: bool, phase: Phase) -> None:
-        """Write down the sample that the limiter stepped to last; see `Recorder.note`."""
+        """Log the sample of the limiter's last step; see `Recorder.note`."""
         self.recorder.note(self.output, self.adapter, now, play, phase, sent=sent)
 
     @property
     def output_hz(self) -> float:
-        """Values a second that reach the actuators [Hz]: as many as are sent, or fewer where the device says so."""
+        """Values a second that reach the actuators [Hz].
+
+        That is the rate of the commands, or the rate that the device states if it is lower.
+        """
         stated = self.adapter.output_hz
         return min(stated, self.output.rate) if stated else self.output.rate
 
     @property
     def ramp_period(self) -> float:
-        """Time between the commands of a way to the safe state [s]."""
+        """Time between two commands of a ramp to the safe state [s]."""
         return capacity.ramp_period(self.adapter, self.link, self.output.rate, self.output.wire.spec.rate)
 
     def status(self) -> dict[str, Any]:
@@ -130,7 +136,10 @@ class Connection:
         }
 
     def _sensed(self) -> dict[str, dict[str, float | None]]:
-        """Return the actuators' measurements beside their pose, by name and unit, and by channel."""
+        """Return the actuators' measurements other than their pose.
+
+        The keys are the name and unit of a measurement, and then the channel.
+        """
         names = self.output.wire.names
         return {
             what: {name: plain(value) for name, value in zip(names, values.tolist(), strict=True)}
@@ -138,9 +147,10 @@ class Connection:
         }
 
     def _reported(self) -> dict[str, float]:
-        """Return where the device says that it is, as it would be commanded [units], by channel; empty if it does not.
+        """Return the pose that the device reports, by channel [units].
 
-        The device reports driven values; a track, the mechanism and its twin know nothing of the calibration.
+        The device reports driven values. They are returned as the commands that drive them, because a track, the
+        mechanism and its twin do not know the calibration. The result is empty if the device reports no pose.
         """
         wire, driven = self.output.wire, self.link.report().get("values")
         if driven is not None:

@@ -1,4 +1,7 @@
-"""The output to a device: the values of a source at the moments of the sample clock, through the limiter."""
+"""The output to a device: values of a source, through the limiter.
+
+The sample clock says at which moments.
+"""
 
 from __future__ import annotations
 
@@ -18,11 +21,13 @@ from .source import FollowSource, Source, follow_values, goes_on, source_of
 from .touch_panel_source import PanelSource, Screen
 from .track_source import TrackSource
 
-BLEND = 0.3  # the change by a new calibration or another source is blended in over this long [s]
+BLEND = 0.3  # [s] over which the change to a new calibration or another source is blended in
 
 
 class DeviceOutput:
-    """The output to one device. It outlives the link, so that the limited values can be reported after the end.
+    """The output to one device.
+
+    It outlives the link, so that the limited values can be reported after the end.
 
     Args:
         source: the previous source, so that a playback goes on where it was.
@@ -31,8 +36,8 @@ class DeviceOutput:
         wire: the device.
         rate: rate of the commands [Hz].
         sample_clock: decides which samples are due, and measures their lateness.
-        limiter: the last thing before the wire. source: None where none could be made.
-        wanted: the values asked for last [units], before calibration and limits.
+        limiter: applies calibration and limits. source: source of the values, None if none could be made.
+        wanted: the values requested last [units], before calibration and limits.
 
     Raises:
         DermisError: no device is chosen, or its preset or calibration cannot be used.
@@ -59,13 +64,15 @@ class DeviceOutput:
         load_screen: Callable[[Path], Screen] | None,
         output_hz: float,
     ) -> bool:
-        """Make the source of the request's mode; return whether it goes on where the source before it was.
+        """Make the source of the request's mode.
+
+        Returns whether it goes on where the source before it was.
 
         Args:
             published: values that Blender published last. output_hz: values a second that reach the actuators [Hz].
 
         Raises:
-            DermisError: it cannot be made; there is no source then.
+            DermisError: the source cannot be made; there is no source then.
         """
         old, self.source = self.source, None
         self.source = source_of(request, self.wire, old, published, load_screen, output_hz)
@@ -79,7 +86,11 @@ class DeviceOutput:
             self.source.report(heartbeat.time, heartbeat.playing, now)
 
     def begin(self, pose: Array, now: float, horizon: float, ramp: float) -> None:
-        """Begin at a pose [units], and blend from there to the wanted values over `ramp` [s]."""
+        """Begin at a pose [units], and blend from it to the wanted values.
+
+        Args:
+            horizon: how far ahead of their moments samples leave [s]. ramp: how long the blend takes [s].
+        """
         self.limiter.plan(self.sample_clock.period)
         self.limiter.begin(pose, now + horizon - 1.0 / self.rate, ramp)
         self.sample_clock.start(now + horizon, horizon)
@@ -91,14 +102,14 @@ class DeviceOutput:
         self.limiter.blend(self.sample_clock.next, BLEND)
 
     def recalibrate(self, calibration: Calibration | None) -> bool:
-        """Take another calibration; return whether the safe pose is another one now.
+        """Take another calibration; return whether it changed the safe pose.
 
         Raises:
-            DermisError: it does not fit.
+            DermisError: the calibration does not fit the device or the track that plays.
         """
         before, wire = self.wire, Wire.of(self.wire.spec, calibration)
         if isinstance(self.source, TrackSource):
-            self.source.take(wire)  # which may refuse it, before anything has changed
+            self.source.take(wire)  # may refuse the calibration; nothing has been changed yet
             self.source.offset += wire.latency - before.latency
         self.wire = wire
         self.limiter.recalibrate(wire)
@@ -128,5 +139,5 @@ class DeviceOutput:
 
 
 def plain(value: float) -> float | None:
-    """Return a number as JSON has it; None where it is not finite."""
+    """Return a number rounded for JSON, or None if it is not finite."""
     return round(value, 3) if math.isfinite(value) else None

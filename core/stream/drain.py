@@ -1,4 +1,7 @@
-"""The last moments of a link: waiting messages have to leave, and the device to confirm its safe state where it can."""
+"""The last moments of a link, before it is closed.
+
+Waiting messages leave, and the device confirms its safe state if its protocol has a confirmation.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from .links.transport import Transport
 from .outbox import Outbox
 from .protocols.adapter import Adapter
 
-DRAIN = 1.0  # messages that have not left after this long are thrown away, and that is said [s]
+DRAIN = 1.0  # [s] Messages that have not left after this time are thrown away, and `Drain.message` says so.
 
 
 class Drain:
@@ -30,7 +33,7 @@ class Drain:
             Gone: the link is closed already.
         """
         if not self._adapter.settled:
-            self._outbox.poll(now)  # says it again
+            self._outbox.poll(now)  # the adapter repeats the safe state until it is confirmed
         waiting = self._link.pending() + (0 if self._adapter.settled else self._outbox.waiting)
         if self._adapter.settled and not waiting:
             return True

@@ -1,4 +1,7 @@
-"""The order of messages on one link: the protocol's own first, then commands; and the messages without room."""
+"""The order of messages on one link, and the messages that wait for room.
+
+The protocol's own messages leave first, then commands.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +15,8 @@ from .links.token_bucket import TokenBucket
 from .links.transport import Transport
 from .protocols.adapter import Adapter
 
-MEMORY = 0.5  # a link that was congested without a word is not hurried for this long [s]
-MAX_WAITING = 16  # messages of the protocol's own that wait for room in the link
+MEMORY = 0.5  # [s] how long commands may not catch up after a link was congested although it refused nothing
+MAX_WAITING = 16  # [1] of the protocol's own messages that may wait for room in the link
 
 
 class SendResult(Enum):
@@ -25,17 +28,17 @@ class SendResult(Enum):
 
 
 class Outbox:
-    """Messages of an adapter on their way into a link that never waits; the outcomes are counted.
+    """Sends an adapter's messages into a link that never waits.
 
-    Commands leave no faster than the link carries them, even one that takes more: bytes in a driver arrive when their
-    sender is dead, and keep the device's watchdog quiet until then.
+    The outcomes are counted. Commands leave no faster than the link carries them, even if the link accepts more. Bytes
+    that wait in a driver still arrive after their sender has died, and keep the device's watchdog quiet until then.
 
     Args:
-        bucket: how fast commands may leave.
-        clock: read again just before a command leaves; None: the time handed in is the time that it leaves.
+        bucket: limits how fast commands may leave.
+        clock: read again just before a command leaves; None: a command leaves at the time that the caller passes.
 
     Attributes:
-        left_at: when something left last, a message or a part of the bytes that wait in the link [s].
+        left_at: when something left last [s]: a message, or a part of the bytes that wait in the link.
         silence: the longest time since `begin` in which nothing left, if the board counts that as silence; else 0 [s].
         unsent: values and play-out time of a command that waits for room or for an answer; None: there is none.
     """
@@ -52,12 +55,14 @@ class Outbox:
         self.left_at, self.silence = -math.inf, 0.0
         self._in_link = 0  # bytes that waited in the link when it had no room last
         self._waiting: deque[bytes] = deque()
-        self._refused = self._crowded = -math.inf  # when the link had no room last; when it said so too late [s]
+        # _refused: when the link last had no room [s].
+        # _crowded: when it was last congested although it had refused nothing for `MEMORY` [s].
+        self._refused = self._crowded = -math.inf
         self.unsent: tuple[Array, float | None] | None = None
 
     @property
     def blocked(self) -> bool:
-        """Return whether something waits for room."""
+        """Return whether a message or a command waits to be sent."""
         return self.unsent is not None or bool(self._waiting)
 
     @property
@@ -66,22 +71,31 @@ class Outbox:
         return sum(map(len, self._waiting))
 
     def stale(self, now: float) -> int:
-        """Return how many bytes wait in a link that has stood still for as long as the board calls silence."""
+        """Return how many bytes wait in a link that stands still.
+
+        The link must have stood still for longer than the board's declared silence; otherwise the number is 0.
+        """
         return self._link.pending() if self._link.stands_still(now) > self._adapter.silence.after else 0
 
     def begin(self, now: float) -> None:
-        """Count silence from now on: the device begins to be driven."""
+        """Measure silence from now on: the device begins to be driven."""
         self.left_at, self.silence = now, 0.0
 
     def was_silent(self, now: float) -> bool:
-        """Return whether nothing left for longer than the board's declared silence, at any time since `begin`."""
+        """Return whether the sender has been silent since `begin`.
+
+        It was silent if nothing left for longer than the board's declared silence, at any time since then.
+        """
         quiet = max(now - self.left_at, self._link.stands_still(now))
         if quiet > self._adapter.silence.after:
             self.silence = max(self.silence, quiet)
         return self.silence > 0
 
     def poll(self, now: float) -> None:
-        """Send the protocol's own messages in order; those without room wait, the oldest not for ever."""
+        """Send the protocol's own messages, in order.
+
+        Messages without room wait. If more than `MAX_WAITING` wait, the oldest are dropped.
+        """
         self._waiting += self._adapter.poll(now)
         while len(self._waiting) > MAX_WAITING:
             self._waiting.popleft()
@@ -92,11 +106,14 @@ class Outbox:
             self._refused = now
 
     def send(self, messages: list[bytes], now: float, *, moves: bool = False, count: bool = True) -> bool:
-        """Send messages of a moment; return whether all of them left.
+        """Send messages; return whether all of them left.
+
+        A message that does not leave is not kept. Messages that move actuators are not sent after a silence: the
+        process may have been suspended since they were made.
 
         Args:
-            moves: they move actuators. After a silence they are not sent, as in a process that was suspended between
-                the moment and the write. count: messages that did not leave are counted as dropped.
+            moves: the messages move actuators. Then False is also returned if the adapter could not make its last
+                command. count: messages that did not leave are counted as dropped.
         """
         whole = not (moves and self._adapter.broken)
         for message in messages:
@@ -113,7 +130,8 @@ class Outbox:
         """Send one command; return the outcome.
 
         Args:
-            play: when it counts [s], or None for at once. patience: a command this close to its time is dropped [s].
+            play: time at which the device carries it out [s], or None for at once.
+            patience: a command without room is dropped if it is due within this time or at once [s]; others wait.
         """
         if self._adapter.busy:
             self.unsent = values, play
@@ -133,7 +151,10 @@ class Outbox:
         return SendResult.DROPPED
 
     def _may_leave(self, now: float) -> bool:
-        """Return whether the link is through with the sent messages, as far as its pace and the answers tell."""
+        """Return whether the link seems to have carried the sent messages.
+
+        It is judged by the link's pace and by the device's answers.
+        """
         if self._adapter.congested:
             if now - self._refused > MEMORY:
                 self._crowded = now
@@ -141,7 +162,7 @@ class Outbox:
         return self._bucket.open(now, prompt=self._adapter.prompt and now - self._crowded > MEMORY)
 
     def _time(self, now: float) -> float:
-        """Return the time, which goes on between the moment that was handed in and a write [s]."""
+        """Return the time at a write [s], which may be later than `now`."""
         return now if self._clock is None else self._clock()
 
     def _left(self, message: bytes, now: float) -> None:

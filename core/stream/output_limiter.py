@@ -1,4 +1,7 @@
-"""The last thing before the wire: calibration, limits, slew and blend, whatever the track or a person asks for."""
+"""The last step before the wire: calibration, limits, slew and blend.
+
+It applies to all values, whether a track or a person requests them.
+"""
 
 from __future__ import annotations
 
@@ -10,23 +13,26 @@ from ..arrays import Array
 from ..devices.response import Believed
 from .protocols.wire import Wire
 
-SLACK = 1e-9
-PERIODS = 2.0  # a step counts as at most so many planned periods, however late it is [1]
-SLOWEST = 0.1  # where few commands are planned a step counts as this, or two periods of the preset's own rate [s]
+SLACK = 1e-9  # [1] relative rounding error that is no violation
+PERIODS = 2.0  # [1] A step counts as at most this many planned periods, however late it is.
+SLOWEST = 0.1  # [s] A step counts as at most this, or as two periods of the preset's own rate if they are longer.
 LIMITS = ("range", "disc", "slew", "not_finite")
 
-Blend = tuple[Array, float, float]  # from where [units], how much of it is through [s], how long it takes [s]
+Blend = tuple[Array, float, float]  # the values at its start [units], the time passed [s], the time that it takes [s]
 _State = tuple[Array, float, Blend | None, Believed | None]
 
 
 class OutputLimiter:
-    """Turns wanted values into driven ones that can do no harm; every limit applied is counted.
+    """Turns wanted values into driven values that keep the device's limits.
 
-    Time counts only as far as commands leave: after a sleep nobody has moved the device meanwhile, so neither the slew
-    nor the blend gets credit for it. A late command therefore makes a movement longer, never a step larger.
+    Every value that a limit changes is counted; values that the slew limit changes during a blend are not.
+
+    While the computer sleeps nobody moves the device, so neither slew nor blend may use that time. A step therefore
+    counts as at most `PERIODS` planned periods: a late command makes a movement longer, and its step no larger than
+    that.
 
     Args:
-        period: between commands as planned [s]; of the device's rate if left out.
+        period: planned time between commands [s]; without it that of the device's rate.
 
     Attributes:
         last: the values driven last [units], shape (channels,).
@@ -61,13 +67,14 @@ class OutputLimiter:
         return np.minimum(np.maximum(driven, wire.lower_limit), wire.upper_limit)
 
     def plan(self, period: float) -> None:
-        """Take another period between commands [s]."""
+        """Take another planned period between commands [s]."""
         self._period = period
 
     def begin(self, pose: Array, time: float, seconds: float) -> None:
-        """Start from a pose [units]: blend from there to the wanted values over some seconds, never faster than slew.
+        """Start from a pose [units], and blend from it to the wanted values.
 
-        A pose outside the limits is left at that speed too, not at once.
+        The blend takes `seconds`, and no channel goes faster than its slew limit. A pose outside the limits is left at
+        that speed, too, and not at once.
         """
         self.last = np.where(np.isfinite(pose), pose, self.driven(self.wire.rest))
         self._time = time
@@ -76,7 +83,10 @@ class OutputLimiter:
         self._before = (self.last, self._time, self._blend, self._believed)
 
     def blend(self, time: float, seconds: float) -> None:
-        """Blend over to something else from the values driven last; a blend that has longer to go keeps its time."""
+        """Blend from the values driven last to other wanted values.
+
+        If a blend under way has longer to go than `seconds`, the new one takes that time.
+        """
         left = 0.0 if self._blend is None else self._blend[2] - self._blend[1]
         self.begin(self.last, time, max(seconds, left))
 
@@ -85,14 +95,17 @@ class OutputLimiter:
         self.last, self._time, self._blend, self._believed = self._before
 
     def step(self, wanted: Array, time: float) -> Array:
-        """Return the values to drive at a time [s] that never goes back, and remember them."""
+        """Return the values to drive at a time [s], and remember them.
+
+        No time may be earlier than the one before it.
+        """
         wire = self.wire
         elapsed = self._credit(time)
         driven = wire.zero + wire.gain * wanted
         past = np.zeros(0)
         if wire.responses:
             if wire.disc is not None and np.isfinite(driven).all():
-                driven = self._disc(driven, wire.disc)  # neither driven nor reached beyond it
+                driven = self._disc(driven, wire.disc)  # the actuators must not reach beyond the disc
             driven, past = wire.responses.driven(driven, self._believed, self.last)
         finite = np.isfinite(driven)
         if not finite.all():
@@ -100,7 +113,7 @@ class OutputLimiter:
             driven = np.where(finite, driven, self.last)
         bounded = np.minimum(np.maximum(driven, wire.lower_limit), wire.upper_limit)
         if not (bounded == driven).all() or past.any():
-            # A rounding error of the preset's units is no violation.
+            # A rounding error of the preset's units must not be counted.
             past = np.maximum(np.abs(bounded - driven), past) if past.size else np.abs(bounded - driven)
             self._counts["range"] += past > SLACK * np.maximum(np.abs(bounded), 1e-3)
         if wire.disc is not None:
@@ -115,7 +128,7 @@ class OutputLimiter:
             else:
                 self._blend = (start, through, seconds)
                 bounded = start + (bounded - start) * (part * part * (3 - 2 * part))
-        most = wire.slew * max(elapsed, 1e-9)  # not 0: inf * 0 is no number
+        most = wire.slew * max(elapsed, 1e-9)  # not 0, because inf * 0 is NaN
         change = bounded - self.last
         allowed = np.minimum(np.maximum(change, -most), most)
         fast = np.abs(change) > most * (1 + 1e-6) + 1e-12
@@ -128,9 +141,10 @@ class OutputLimiter:
         return bounded
 
     def approach(self, goal: Array, slew: Array, time: float) -> Array:
-        """Go straight towards driven values [units], no channel faster than `slew` [units/s], and remember it.
+        """Step straight towards driven values [units], and remember the step.
 
-        All channels arrive together: a straight line leaves no range and no round range that holds both its ends.
+        No channel goes faster than `slew` [units/s], and all channels arrive together. A straight line stays inside
+        every range and every round range that contains both its ends.
         """
         elapsed, self._blend = self._credit(time), None
         seconds = way_seconds(goal - self.last, slew)
@@ -139,17 +153,26 @@ class OutputLimiter:
         return self.last
 
     def recalibrate(self, wire: Wire) -> None:
-        """Take the device with another calibration; where its actuators are is not known by the new curves."""
+        """Take the device with another calibration.
+
+        The actuators' positions by the old measured curves are forgotten: the new curves estimate them from `last`.
+        """
         self.wire, self._believed = wire, None
         self._believe()
 
     def _believe(self) -> None:
-        """Keep where the actuators are by their measured curves, now that `last` was driven."""
+        """Estimate the actuators' positions by their measured curves.
+
+        The estimate takes into account that `last` was driven now.
+        """
         if self.wire.responses:
             self._believed = self.wire.responses.believe(self.last, self._believed)
 
     def _credit(self, time: float) -> float:
-        """Return for how long a step may count that is taken at a time [s], and remember the state before it."""
+        """Return how long a step at a time [s] counts [s].
+
+        It also saves the state before the step, for `undo`.
+        """
         self._before = (self.last, self._time, self._blend, self._believed)
         most = min(PERIODS * self._period, max(SLOWEST, PERIODS / self.wire.spec.rate))
         elapsed = min(max(time - self._time, 0.0), most)
@@ -168,5 +191,9 @@ class OutputLimiter:
 
 
 def way_seconds(way: Array, slew: Array) -> float:
-    """Return how long a way [units] takes [s] if no channel goes faster than `slew` [units/s]."""
+    """Return how long a way takes [s] at its highest speed.
+
+    Args:
+        way: change of each channel [units]. slew: highest speed of each channel [units/s].
+    """
     return float(np.max(np.abs(way) / slew, initial=0.0))

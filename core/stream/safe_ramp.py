@@ -1,6 +1,7 @@
-"""The way to the safe state of a board that does not know one: the sender drives it there, at the declared speed.
+"""The ramp to the safe state, for a board that does not go there by itself.
 
-It takes as long as that takes. Only a device declared `at_once`, such as a screen, goes there in one step.
+The sender drives the board there at the declared speed, however long that takes. Only a device declared `at_once`, such
+as a screen, goes there in one step.
 """
 
 from __future__ import annotations
@@ -14,20 +15,21 @@ from .output_limiter import OutputLimiter, way_seconds
 from .protocols.packets import Reach
 from .protocols.wire import SAFE_SWEEP, Wire
 
-STUBBORN = 1.0  # a link that takes nothing for this long will not [s]
+STUBBORN = 1.0  # [s] A link that has taken nothing for this long is given up.
 
 
 class SafeRamp:
-    """From where a device was driven last to its safe values, in a straight line, a command a period.
+    """A straight line from the last driven values to the safe values.
 
-    Calibration has no say in the way, only in where it ends. A step that a link refused is repeated, so a link that
-    was full does not make up for it by a jump.
+    A command is due once a period. The calibration changes only the end of the line. A step that the link refused is
+    repeated, so no jump follows after the link was full.
 
     Args:
-        period: between two commands [s]. now: when it begins, which may be later [s].
+        period: time between two commands [s]. now: time at which the ramp begins, which may lie in the future [s].
 
     Attributes:
-        said: how often the safe state was said, once it was reached. say_at: when it may be said next [s].
+        said: how often the safe state was written after the ramp had reached it.
+        say_at: earliest time at which it may be written again [s].
     """
 
     def __init__(self, limiter: OutputLimiter, period: float, now: float) -> None:
@@ -44,11 +46,11 @@ class SafeRamp:
 
     @property
     def there(self) -> bool:
-        """Return whether the values driven last are the safe state."""
+        """Return whether the values driven last are the safe values."""
         return bool((np.abs(self._limiter.last - self._limiter.wire.safe) < 1e-9).all())
 
     def waits(self, now: float) -> bool:
-        """Return whether it has not begun yet."""
+        """Return whether the ramp has not begun yet."""
         return now < self._begins
 
     def due(self, now: float) -> bool:
@@ -70,13 +72,17 @@ class SafeRamp:
         self._limiter.undo()
 
     def stuck(self, now: float) -> bool:
-        """Return whether the link has taken nothing for too long."""
+        """Return whether the link has taken nothing for `STUBBORN` seconds."""
         return now - self._left > STUBBORN
 
 
 def speeds(wire: Wire, start: Array) -> Array:
-    """Return how fast each channel may go [units/s]: as declared; without that, its range or its way in a second."""
+    """Return how fast each channel may go to the safe state [units/s].
+
+    That is the declared speed. A channel without one goes through its range in `SAFE_SWEEP`. A channel without a range
+    goes its way from `start` in `SAFE_SWEEP`. A device declared `at_once` has no limit.
+    """
     if wire.reach == Reach.AT_ONCE:
         return np.full(wire.count, np.inf)
-    own = np.maximum(np.abs(wire.safe - start), 1e-12) / SAFE_SWEEP  # of a channel without a range, too
+    own = np.maximum(np.abs(wire.safe - start), 1e-12) / SAFE_SWEEP  # is finite for a channel without a range, too
     return np.where(np.isfinite(wire.safe_slew), wire.safe_slew, own)

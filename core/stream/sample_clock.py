@@ -1,4 +1,7 @@
-"""Which samples are due: one a period, ahead of their time where the device can hold them."""
+"""The clock that says which samples are due.
+
+One sample is due a period. Samples leave ahead of their time if the device can hold them.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +10,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-MARGIN = 0.25  # part of the look-ahead below which a sample is left out rather than late [1]
+MARGIN = 0.25  # [1] A sample is left out if less than this part of the look-ahead remains until its time.
 
 
 class SampleClock:
-    """A grid of moments, one a period; moments that this process slept through are left out, and counted.
+    """A grid of moments, one a period.
+
+    Moments that this process slept through are left out and counted. Moments left out because samples begin to leave
+    ahead of their time are not counted.
 
     Attributes:
-        period: [s]. next: moment of the next sample [s]. skipped: samples left out.
+        period: time between two moments [s]. next: moment of the next sample [s]. skipped: number of samples left out.
         lateness: delay of the samples after their planned times [s].
     """
 
@@ -26,21 +32,23 @@ class SampleClock:
         self._ahead = False
 
     def start(self, moment: float, horizon: float) -> None:
-        """Begin with the sample of a moment."""
+        """Begin with the sample of a moment [s]."""
         self.next, self._ahead = moment, horizon > 0
 
     def due(self, now: float, horizon: float) -> Iterator[float]:
-        """Yield the moments whose samples have to leave now; one counts as sent when the next is asked for.
+        """Yield the moments whose samples have to leave now [s].
+
+        A moment counts as sent when the caller requests the next one.
 
         Args:
-            horizon: how far ahead of their moment samples leave [s]; 0: the newest value, at once.
+            horizon: how far ahead of their moments samples leave [s]; 0: at their moments.
         """
         began, self._ahead = horizon > 0 and not self._ahead, horizon > 0
         if horizon and self.next < now + MARGIN * horizon:
-            # A playback has just begun, or this process was kept from working: samples too late are left
-            # out. The device gets the rest of the look-ahead back as fast as the link takes it.
+            # A playback has just begun, or this process could not run for a while. Samples that would be too late are
+            # left out. The others leave as fast as the link takes them, so the device soon holds the look-ahead again.
             self._leave_out(math.ceil((now + MARGIN * horizon - self.next) / self.period), counted=not began)
-        elif not horizon and self.next < now - 2 * self.period:  # late: the newest value is the best one
+        elif not horizon and self.next < now - 2 * self.period:  # late: older values than the newest have no use
             self._leave_out(int((now - self.next) / self.period), counted=True)
         while self.next <= now + horizon:
             yield self.next
@@ -58,14 +66,14 @@ class SampleClock:
 
 
 class Lateness:
-    """How much later than planned things were, over the last few thousand."""
+    """Delays of the last few thousand samples after their planned times."""
 
     def __init__(self, size: int = 4096) -> None:
         self._ring = np.zeros(size)
         self.count = 0
 
     def add(self, seconds: float) -> None:
-        """Take one."""
+        """Take one delay [s]."""
         self._ring[self.count % len(self._ring)] = seconds
         self.count += 1
 

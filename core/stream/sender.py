@@ -86,8 +86,8 @@ def _loop(shared: SharedState, streamer: Streamer, ended: list[str]) -> None:
 def _finish(shared: SharedState, streamer: Streamer) -> None:
     """Bring the device to its safe state, and remove the shared state.
 
-    The ramp to the safe state may take any time. The link is closed after it. After `FAILURES` failed ticks the way to
-    the safe state is given up.
+    The ramp to the safe state takes as long as it needs. The link is closed after it. After `FAILURES` failed ticks
+    both are given up.
     """
     streamer.shut(clock.now())
     status_at, failures = 0.0, 0

@@ -61,7 +61,7 @@ class Streamer:
         self.recorder = Recorder()
         self._message = ""  # used while there is no link: the drive of a link has a message of its own
         self._faulty = self._closing = False
-        self._arm_id = self._stops = 0  # id of the last arming, and number of the stops, that requests have told
+        self._arm_id = self._stops = 0  # highest id of an arming in a request; number of stops in the last heartbeat
         self._heartbeat: Heartbeat | None = None
         self._heartbeat_at = -math.inf
         self._retry_at = 0.0
@@ -101,7 +101,7 @@ class Streamer:
                 self.drive.message = f"Arm was pressed {late:.1f} s ago, so nothing was armed. Press it again"
 
     def heartbeat(self, heartbeat: Heartbeat, now: float) -> None:
-        """Take a sign of life; go to the safe state if it tells another stop."""
+        """Take a sign of life; go to the safe state if it counts a new stop."""
         if heartbeat.stops != (self._heartbeat.stops if self._heartbeat is not None else 0):
             self._stops = heartbeat.stops
             self.stop(now, "Stopped")

@@ -1,7 +1,8 @@
-"""CollectSession: a built device goes through its poses with a sensor in it, and each pose is read.
+"""CollectSession: reads a sensor in every pose of a built device.
 
-Each pose is approached from rest, so that friction is the same in all; every so many rows an earlier one is read again,
-which tells how the sensor drifts. A reading beyond a limit ends it at once, in the device's safe state.
+Each pose is approached from rest, so that friction is the same in all. After every `REPEAT` rows an earlier row is read
+again, which shows the sensor's drift. A reading beyond a limit ends the session at once, and the device goes to its
+safe state.
 
 Source: [S2] III.A, and the corrections (rows come from rest)
 """
@@ -21,10 +22,10 @@ from .sensor_input import Sensed, SensorInput
 from .sensor_stream import SensorStream
 from .signals import Interrupted, Signals
 
-REPEAT = 50  # rows from one repetition to the next
-KEEP = 20  # rows after which they are written
-LATE = 5.0  # a device that is not there so long after it should be is stuck, or its link stands [s]
-REACHED = 1e-9  # of a channel's way
+REPEAT = 50  # [1] rows from one repetition to the next
+KEEP = 20  # [1] rows from one writing to the next
+LATE = 5.0  # [s] A device that reaches its goal later than planned by this is stuck, or its link stands still.
+REACHED = 1e-9  # [1] error of a channel at its goal, relative to the goal or to 1 unit, whichever is larger
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,8 @@ class Collected:
     """A row that was read.
 
     Attributes:
-        row: its number in the sweep. again: it is a repetition. at: when [s]. reading: mean, shape (channels,).
+        row: its number in the sweep. again: it is a repetition. at: when its reading ended [s].
+        reading: mean of the sensor's readings, shape (channels,).
     """
 
     row: int
@@ -46,7 +48,8 @@ class CollectSession(SensorStream):
 
     Args:
         settle: how long a pose is held before it is read [s]. average: how long it is read [s].
-        most: by how much a channel may differ from its rest, by its place; beyond, the device goes to its safe state.
+        most: largest difference of a sensor's channel from its value at rest, by the index of the channel; beyond it
+            the device goes to its safe state.
     """
 
     def __init__(
@@ -63,7 +66,7 @@ class CollectSession(SensorStream):
         super().__init__(request, sensor, channels, signals)
         self.settle, self.average, self.most = settle, average, most
         self._rest: Array | None = None
-        self._looked = 0.0  # when the last reading came that was looked at [s]
+        self._looked = 0.0  # when the reading was taken that was checked last [s]
 
     def collect(
         self,
@@ -78,8 +81,9 @@ class CollectSession(SensorStream):
         Args:
             commands: commands of the rows, shape (n, channels).
             home: commands of the device at rest.
-            rest: the reading there.
-            done: rows of an earlier run. keep: writes rows; called now and then, and at the end, whatever that is.
+            rest: the reading of the device at rest, shape (channels,).
+            done: rows of an earlier run.
+            keep: writes rows; called now and then, and at the end, also if an error or a signal ends it.
 
         Raises:
             DermisError: a limit was passed, the sensor is too slow or fell silent, or the device does not get there.
@@ -109,7 +113,7 @@ class CollectSession(SensorStream):
         return found
 
     def read(self, newest: Sensed) -> None:
-        """End it where a reading is beyond a limit."""
+        """Stop the device if a reading is beyond a limit."""
         assert self._rest is not None
         since, self._looked = self._looked, newest.taken
         heard = [*self.sensor.since(since), newest]  # a peak between two ticks counts
@@ -130,7 +134,14 @@ class CollectSession(SensorStream):
         return Collected(row, again, clock.now(), np.mean([sensed.values for sensed in readings], axis=0))
 
     def _go(self, command: Array, more: float) -> None:
-        """Drive to a command, and wait until the limits let the device be there."""
+        """Drive to a command, and wait until the limiter has reached it.
+
+        Args:
+            command: the command. more: time that the device may take beside that of its slew limits [s].
+
+        Raises:
+            DermisError: the limiter has not reached it in that time and `LATE`.
+        """
         self.drive_to(command)
         output = self.streamer.output
         assert output is not None
@@ -148,7 +159,10 @@ class CollectSession(SensorStream):
             raise DermisError("the device does not get there", where=self.request.url, value=f"after {LATE:g} s")
 
     def _heard(self, since: float) -> bool:
-        """Return whether a reading has come since a moment; a sensor that stays silent ends the stream by itself."""
+        """Return whether a reading was taken since a moment [s].
+
+        No time limit is needed, because a sensor that stays silent ends the stream.
+        """
         last = self.sensor.last
         return last is not None and last.taken >= since
 
@@ -157,7 +171,12 @@ class CollectSession(SensorStream):
         self._run(lambda: clock.now() >= until)
 
     def _run(self, done: Callable[[], bool]) -> None:
-        """Let time pass until something holds; a signal, a stop and the end of the sensor end it."""
+        """Let time pass until `done` returns true.
+
+        Raises:
+            DermisError: the sensor's readings ended, or the device is not armed any more.
+            Interrupted: a signal came.
+        """
         began = clock.now()
         armed = False
 

@@ -1,4 +1,4 @@
-"""The request that a command's options make: the device that they name, and its link."""
+"""The request from a command's options: the device and its link."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def request_from(options: argparse.Namespace, key: str, **more: Any) -> StreamRe
 def log_from(options: argparse.Namespace) -> dict[str, Any]:
     """Return the fields of a request that configure the log and its tees."""
     return {
-        "log": os.path.abspath(options.log) if options.log else "",  # its writer works in another folder
+        "log": os.path.abspath(options.log) if options.log else "",  # the log's writer works in another folder
         "log_size": options.log_size,
         "log_total": options.log_total,
         "tee": " ".join(options.tee),

@@ -1,4 +1,4 @@
-"""A streamer in this process, for the commands that need no Blender: connected, armed by a person, and brought home."""
+"""A streamer in this process, for the commands that need no Blender."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from .signals import Interrupted, Signals
 from .state import State
 from .streamer import Streamer
 
-LOG_SECONDS = 5.0  # for the end of a log to be written; the device is safe by then [s]
+LOG_SECONDS = 5.0  # [s] for writing the end of a log, after the way to the safe state has ended
 
 
-WRITTEN = 0.002  # a terminal takes a line within this time; one that is held must not hold the device [s]
-SAY_SECONDS = 1.0  # at the end of the program a held terminal is waited for [s]
+WRITTEN = 0.002  # [s] A terminal takes a line within this time. A terminal that is held must not hold the device.
+SAY_SECONDS = 1.0  # [s] how long the end of the program waits for a held terminal
 
 _said: SimpleQueue[tuple[int, bytes, threading.Event] | None] = SimpleQueue()
 _aside: list[threading.Thread] = []  # the thread that writes
@@ -35,11 +35,11 @@ class LocalStream:
     """One device from connecting to its safe state.
 
     Args:
-        request: link, device and stream. signals: that end it.
+        request: link, device and stream. signals: signals that end the stream.
 
     Attributes:
-        streamer: that does it. unsure: the safe state could not be made sure of. logged: the log is whole, or there is
-            none.
+        streamer: drives the device. unsure: the device may not be in its safe state. logged: the log is whole, or there
+            is none.
     """
 
     def __init__(self, streamer: Streamer, request: StreamRequest, signals: Signals) -> None:
@@ -66,7 +66,7 @@ class LocalStream:
         return streamer.drive
 
     def confirm(self, question: str) -> None:
-        """Wait for a person to press Enter; an end of input is nobody's finger on a key.
+        """Wait for a person to press Enter; the end of input does not count.
 
         Raises:
             DermisError: standard input ended before.
@@ -86,14 +86,14 @@ class LocalStream:
         self.streamer.apply(self.request, clock.now())
 
     def run(self, done: Callable[[], bool]) -> None:
-        """Let time pass until something holds or a signal comes."""
+        """Let time pass until `done` returns true or a signal comes."""
         while not self.signals.number and not done():
             self._pass_time()
 
     def shut(self) -> None:
-        """Go to the safe state however long that takes, and let the link go; no signal ends that. Safe to call twice.
+        """Go to the safe state, and close the link. Safe to call twice.
 
-        `unsure` tells afterwards whether the device may be elsewhere.
+        No signal ends that, however long it takes. Afterwards `unsure` tells whether the device may be elsewhere.
         """
         streamer = self.streamer
         unsure = streamer.counters["safe states not confirmed"]
@@ -109,11 +109,11 @@ class LocalStream:
         self.unsure |= streamer.counters["safe states not confirmed"] > unsure
 
     def tick(self, now: float) -> float:
-        """Do the due work; return when the next is due [s]."""
+        """Do the due work; return when `tick` is due next [s]."""
         return self.streamer.tick(now)
 
     def refusal(self, otherwise: str) -> DermisError:
-        """Return why the streamer has given up."""
+        """Return an error that says why the streamer has given up."""
         message = self.streamer.message.rstrip(".")
         return DermisError(message or otherwise, where=unnamed(self.request.url, message))
 
@@ -123,7 +123,10 @@ class LocalStream:
 
 
 def say(text: str) -> None:
-    """Print to a terminal that may have been closed, or be held by Ctrl-S; the device still has to be safe."""
+    """Print to a terminal that may be closed, or held by Ctrl-S.
+
+    Such a terminal must not hold up the way to the safe state.
+    """
     try:
         descriptor = sys.stderr.fileno()
     except (AttributeError, OSError, ValueError):  # no terminal, pipe or file
@@ -136,7 +139,7 @@ def say(text: str) -> None:
         atexit.register(_finish_writing)
     written = threading.Event()
     _said.put((descriptor, f"{text}\n".encode(errors="replace"), written))
-    written.wait(WRITTEN)  # nearly always: the next print comes after it
+    written.wait(WRITTEN)  # nearly always long enough, so that the next print comes after this text
 
 
 def _finish_writing() -> None:
@@ -145,7 +148,10 @@ def _finish_writing() -> None:
 
 
 def _write_all() -> None:
-    """Write the messages in order; not by `print`, whose lock would be held by whoever waits for a terminal."""
+    """Write the messages in order.
+
+    `print` is not used: while it waited for a terminal, it would hold a lock that other prints need.
+    """
     while (one := _said.get()) is not None:
         descriptor, data, written = one
         with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""A track as actuators that take few values a second can show it, and the loss by that."""
+"""A low-passed track, for actuators that take few values a second."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from ..errors import DermisError
 from ..interpolate import interpolate
 from ..units import from_si
 
-FINE = 4  # samples for each value of the output, at least, where a track's own are unevenly spaced
-MAX_SAMPLES = 20_000_000  # samples that an uneven track may become: more than an hour at 1 kHz
-NOTHING = 1e-3  # part of a channel's span that counts as nothing left out [1]: a servo's dead band is five times that
+FINE = 4  # [1] least number of samples for each value of the output, if the track's own are unevenly spaced
+MAX_SAMPLES = 20_000_000  # [1] most samples that an uneven track may become: over an hour for an output of 1 kHz
+NOTHING = 1e-3  # [1] A loss up to this part of a channel's span is not shown. A servo's dead band is five times that.
 SHOWN = {"m": "mm", "rad": "deg"}
 
 
 def low_passed(times: Array, values: Array, output_hz: float) -> tuple[Array, Array]:
-    """Return the Hann-weighted mean over two periods of the output, evenly spaced.
+    """Return a track's Hann-weighted mean over two periods of the output.
 
-    A track is known beforehand, so the mean looks as far ahead as back: it has no delay. Its weights are positive and
-    sum to one, so it has no overshoot either: ranges, round ranges and speed limits that the track keeps, it keeps.
+    The result is evenly spaced. A track is known beforehand, so the mean covers as much of its future as of its past
+    and has no delay. Its weights are positive and sum to one, so it has no overshoot either. It keeps all ranges, round
+    ranges and speed limits that the track keeps.
 
     Args:
         times: [s], strictly rising, shape (n,). values: shape (n, channels). output_hz: values a second of the output;
@@ -77,7 +78,7 @@ class Loss:
     span: Array
 
     def __str__(self) -> str:
-        """Return it as a message; '' where it is next to nothing."""
+        """Return the loss as a message; '' if it is negligible."""
         parts = []
         for i in np.flatnonzero(self.largest > NOTHING * self.span):
             unit = SHOWN.get(self.units[i], self.units[i])

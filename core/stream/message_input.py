@@ -1,4 +1,7 @@
-"""Messages from outside that a thread reads: OSC datagrams, lines from a serial port, a socket or standard input."""
+"""Messages from outside, which a thread reads.
+
+They are OSC datagrams, or lines from a serial port, a socket or standard input.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +19,15 @@ from .links.open_link import open_link
 from .links.transport import Transport
 from .links.url import Url
 
-MAX_LINE = 4096  # a line without an end is none [bytes]: 200 numbers of 20 digits
-POLL = 0.0005  # between two looks at a serial port [s]
+MAX_LINE = 4096  # [bytes] A longer line is cut off. 200 numbers of 20 digits fit.
+POLL = 0.0005  # [s] between two attempts to read a serial port or a socket
 Input = TypeVar("Input")
 
 
 class _Lines:
-    """Cuts bytes into lines. The end of a line whose beginning is missing is none: its first number may be cut.
+    """Cuts bytes into lines.
+
+    The end of a line whose beginning is missing is left out, because its first number may be cut.
 
     Args:
         begun: the first line may have begun before anybody listened.
@@ -57,8 +62,8 @@ class Messages:
 
     Attributes:
         text: osc://:PORT, osc://HOST:PORT, serial:PORT?baud=, socket://HOST:PORT, or '-' for standard input.
-        option: that named it. told: description of a line, for people.
-        alone: another sender's datagrams are refused for so long after one that told something [s]; 0: never.
+        option: option of the command line that named `text`. told: description of a line, for people.
+        alone: for this long after a datagram with messages those of other senders are refused [s]; 0: they never are.
         of_line, of_osc: parse a line and a datagram; raise DermisError or ValueError.
     """
 
@@ -70,13 +75,13 @@ class Messages:
     alone: float = 0.0
 
     def read_by(self, kind: Callable[..., Input]) -> Input:
-        """Open it, and let a thread read it.
+        """Open the origin of the messages, and let a thread read it.
 
         Args:
             kind: `Reading`, or a class derived from it: takes name, read, parse and shut.
 
         Raises:
-            DermisError: it cannot be opened.
+            DermisError: the origin cannot be opened.
         """
         if self.text.startswith("osc://"):
             return self._osc(kind)
@@ -99,7 +104,7 @@ class Messages:
         if set(url.options) - {"baud"}:
             unknown = ", ".join(sorted(url.options))
             raise DermisError("unknown option", where=self.text, value=unknown, limit="baud")
-        link = open_link(url, lambda inner: Transport())  # which neither a serial port nor a socket asks for
+        link = open_link(url, lambda inner: Transport())  # neither a serial port nor a socket calls this function
 
         def received() -> list[bytes]:
             data = b"".join(link.receive())
@@ -113,7 +118,7 @@ class Messages:
         host, colon, port = self.text.removeprefix("osc://").rstrip("/").rpartition(":")
         if not colon or not port.isdigit() or not 0 < int(port) < 65536:
             raise DermisError("not osc://:PORT or osc://HOST:PORT", where=self.option, value=self.text)
-        host = host.strip("[]") or "127.0.0.1"  # from other computers only where that is asked for
+        host = host.strip("[]") or "127.0.0.1"  # without a host, other computers are not listened to
         try:
             family, sort, protocol, _, address = socket.getaddrinfo(host, int(port), type=socket.SOCK_DGRAM)[0]
             listening = socket.socket(family, sort, protocol)
@@ -130,7 +135,7 @@ class Messages:
                 remedy="Choose another port, or end the program that has it",
             ) from error
         listening.settimeout(0.1)
-        alone: tuple[Any, float] = None, -math.inf  # who told something last, and when [s]
+        alone: tuple[Any, float] = None, -math.inf  # sender of the last datagram with messages, and when it came [s]
 
         def received() -> list[bytes]:
             try:

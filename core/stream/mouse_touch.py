@@ -9,12 +9,14 @@ from ..errors import DermisError
 from .protocols.adapter import Touch
 from .touch_input import TouchInput
 
-LONGER_SIDE = 800  # [pixels]
-REPEAT = 0.05  # a finger that rests is told again after this long, as a panel does [s]
+LONGER_SIDE = 800  # [pixels] of the window
+REPEAT = 0.05  # [s] The touch of a finger that rests is repeated after this time, as a panel does.
 
 
 class MouseTouch(TouchInput):
-    """A window in the screen's proportions; each call of `finger` serves it. Closing it ends the touches.
+    """A window in the screen's proportions, touched by the mouse.
+
+    Each call of `finger` handles the window's events. Closing the window ends the touches.
 
     Args:
         size: size of the screen [m].
@@ -47,7 +49,7 @@ class MouseTouch(TouchInput):
         self._root.update()
 
     def finger(self, now: float) -> Touch | None:
-        """Serve the window and return the last touch."""
+        """Handle the window's events, and return the last touch."""
         if not self.ended:
             try:
                 self._root.update()

@@ -1,4 +1,7 @@
-"""`stream pair`: a board with Wi-Fi is paired with this computer over USB; then it answers this computer alone."""
+"""`stream pair`: pairs a Wi-Fi board with this computer over USB.
+
+After that the board answers this computer alone.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +24,11 @@ from .protocols import pairs
 from .protocols.sealed import KEY, pairing_check
 
 BAUD = 115_200
-STARTS = 8.0  # opening the port may reset the board, which then prints its boot text [s]
-ANSWERS = 5.0  # writing into its flash takes it a moment [s]
-JOINS = 25.0  # a network may take so long to give an address [s]
-AGAIN = 0.5  # [s]
-NETWORK, PASSWORD = range(1, 33), range(8, 64)  # bytes
+STARTS = 8.0  # [s] wait for a first answer: opening the port may reset the board, which then prints its boot text
+ANSWERS = 5.0  # [s] wait for the answer to a pairing: the board needs a moment to write into its flash
+JOINS = 25.0  # [s] wait for an address: a network may take so long to give one
+AGAIN = 0.5  # [s] between two repeats of a question
+NETWORK, PASSWORD = range(1, 33), range(8, 64)  # [bytes] length of a network's name, length of a password
 NO_ADDRESS = "Check the network's name and password (2.4 GHz alone), and pair again"
 
 
@@ -37,7 +40,11 @@ class Paired(NamedTuple):
 
 
 class Wait(NamedTuple):
-    """A step of pairing: what is waited for, and tenths of a second: passed, and the most of them."""
+    """A report from within a step of pairing, which waits for the board.
+
+    Attributes:
+        stage: the step, for people. done: time passed [0.1 s]. total: longest time that the step may take [0.1 s].
+    """
 
     stage: str
     done: int
@@ -48,10 +55,11 @@ def pair(options: argparse.Namespace) -> int:
     """Pair a board, and print its address.
 
     Raises:
-        DermisError: no such port, a network's name or password of an impossible length, or a board that does not do it.
+        DermisError: the port cannot be opened, the network's name or password has an impossible length, or the board
+            is not paired or has not joined the network.
     """
     _check(options.network.encode(), b"")
-    with closing(open_port(options.url)) as link:  # before anybody types a password
+    with closing(open_port(options.url)) as link:  # opened before anybody types a password
         password = "" if options.open else getpass.getpass(f"Password of '{options.network}': ")
         board, address = drain(_joined(link, options.network, password))
     say(f"'{board}' is paired with this computer alone; the key is in {pairs.path()}.")
@@ -61,14 +69,16 @@ def pair(options: argparse.Namespace) -> int:
 
 
 def pair_at(port: str, network: str, password: str) -> Generator[Wait, None, Paired]:
-    """Open a serial port, and pair the board at its other end; the port is closed at the end, and by closing the work.
+    """Open a serial port, and pair the board at its other end.
+
+    The port is closed at the end, and also if the generator is closed before.
 
     Args:
-        port: its name. network, password: of the Wi-Fi; an empty password means none.
+        port: name of the port. network, password: of the Wi-Fi; an empty password means none.
 
     Raises:
-        DermisError: no such port, a network's name or password of an impossible length, a board that does not do it, or
-            one that has not joined the network.
+        DermisError: the port cannot be opened, the network's name or password has an impossible length, or the board
+            is not paired or has not joined the network.
     """
     _check(network.encode(), password.encode())
     with closing(open_port(port)) as link:
@@ -76,10 +86,10 @@ def pair_at(port: str, network: str, password: str) -> Generator[Wait, None, Pai
 
 
 def open_port(port: str) -> Serial:
-    """Open the serial port of a board that shall be paired.
+    """Open the serial port of a board that is to be paired.
 
     Raises:
-        DermisError: no such port.
+        DermisError: the name is empty or that of no serial port, or the port cannot be opened.
     """
     if not port.strip():
         raise DermisError("no port is given", remedy="Plug the board in by USB, and name its serial port")
@@ -92,7 +102,11 @@ def open_port(port: str) -> Serial:
 
 
 def _joined(link: Transport, network: str, password: str) -> Generator[Wait, None, Paired]:
-    """Pair the board at the other end of an open port; refuse one that has not joined the network."""
+    """Pair the board at an open port.
+
+    Raises:
+        DermisError: the board is not paired, or has not joined the network.
+    """
     paired = yield from pair_over(link, network, password, time.monotonic, time.sleep)
     if not paired.address:
         raise DermisError(
@@ -109,10 +123,11 @@ def pair_over(
     """Pair the board at the other end of a serial port.
 
     Args:
-        network, password: of the Wi-Fi; an empty password means none. clock, wait: [s].
+        network, password: of the Wi-Fi; an empty password means none.
+        clock, wait: return the time, and wait for a time [s].
 
     Raises:
-        DermisError: a name or password of an impossible length, or a board that does not do it.
+        DermisError: the name or password has an impossible length, or the board refuses or does not answer.
     """
     name, secret = network.encode(), password.encode()
     _check(name, secret)
@@ -163,7 +178,7 @@ def _check(name: bytes, secret: bytes) -> None:
 
 
 class _Talk:
-    """Questions to a board in lines of text, among whatever else comes."""
+    """Questions to a board in lines of text, among its other output."""
 
     def __init__(self, link: Transport, clock: Callable[[], float], wait: Callable[[float], None]) -> None:
         self._link, self._clock, self._wait, self._text = link, clock, wait, ""
@@ -171,10 +186,14 @@ class _Talk:
     def ask(
         self, stage: str, line: str, answer: str, seconds: float, *, again: float = 1e9
     ) -> Generator[Wait, None, re.Match[str]]:
-        """Say a line, `again` and again where that does no harm; return the line that answers it.
+        """Send a line, and return the line that answers it.
+
+        Args:
+            stage: the step, for people. line: the question. answer: pattern of the answer.
+            seconds: longest wait [s]. again: the question is repeated after this time [s]; by default it is sent once.
 
         Raises:
-            DermisError: nobody answers.
+            DermisError: nobody answers in that time.
         """
         begun = due = self._clock()
         while (passed := self._clock() - begun) < seconds:

@@ -1,7 +1,9 @@
-"""`stream play`: a track to a device, once; and whatever ends it, the safe state first.
+"""`stream play`: plays a track once on a device, then goes to safety.
 
-Exit status: 0; 1 where the device refused more than `MOST` of the commands or took them too late, or where the log is
-not whole; 2 where the track was not played to its end; 128 and the number of the signal that ended it.
+The device goes to its safe state whatever ends the playback.
+
+Exit status: 0; 1 if the device refused more than `MOST` of the commands or took them too late, or if the log is not
+whole; 2 if the track was not played to its end; 128 plus the number of the signal that ended it.
 """
 
 from __future__ import annotations
@@ -40,7 +42,7 @@ def play(options: argparse.Namespace) -> int:
             pass
         finally:
             player.finish()
-        status = player.tell()  # a second signal changes nothing of that either
+        status = player.tell()  # a second signal does not end this either
     return 128 + signals.number if signals.number else status or int(not player.logged)
 
 
@@ -60,10 +62,10 @@ class _Player(LocalStream):
         self._not_rendered = self._notice = ""
 
     def play(self, *, ask: bool) -> None:
-        """Connect, ask, arm, ramp, play.
+        """Connect, ask for confirmation, arm, wait for the ramp, and play.
 
         Raises:
-            DermisError: the device cannot be reached, nobody wants it armed, or it disarmed itself.
+            DermisError: the device cannot be reached, nobody confirmed the arming, or the device disarmed itself.
             Interrupted: a signal came first.
         """
         drive, streamer = self.connect(), self.streamer
@@ -80,17 +82,17 @@ class _Player(LocalStream):
         self._playing_since = clock.now()
         end = self._playing_since + self._track.duration + self.request.look_ahead
         self.run(lambda: clock.now() > end or not streamer.armed)
-        self.tick(clock.now())  # a program that slept past the end of the track learns here that it did
+        self.tick(clock.now())  # a program that slept past the end of the track finds that out here
         if not streamer.armed:
             raise self.refusal("the device disarmed itself")
 
     def finish(self) -> None:
-        """Bring the device to its safe state and let the link go."""
+        """Bring the device to its safe state, and close the link."""
         self._not_rendered = str(self.streamer.status().get("not_rendered", ""))
         self.shut()
 
     def tell(self) -> int:
-        """Print the counters; return the exit status that the device's refusals ask for.
+        """Print the counters; return the exit status by the refusals.
 
         Raises:
             DermisError: the safe state could not be made sure of.
@@ -105,7 +107,10 @@ class _Player(LocalStream):
         return self._tell_refusals()
 
     def _tell_refusals(self) -> int:
-        """Say how many commands the device refused or took too late; return the exit status that this asks for."""
+        """Print how many commands the device refused or took too late.
+
+        Returns 1 if they are more than `MOST` of the commands sent, otherwise 0.
+        """
         refused, sent = (self.streamer.counters[name] for name in ("refused", "sent"))
         if not refused:
             return 0

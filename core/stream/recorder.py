@@ -1,4 +1,7 @@
-"""Recorder: the sender's side of the log. A row for each sample goes into a ring; another process does the rest."""
+"""Recorder: the sender's side of the log.
+
+It puts a row for each sample into a ring. Another process reads the ring, and writes the rows to files and tees.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +28,10 @@ _NEVER: tuple[Any, ...] = ()
 
 
 class Recorder:
-    """Logs the output to a device, where a person asked for it; otherwise it does nothing.
+    """Logs the output to a device, if a person asked for a log.
 
-    One log goes on over reconnections. Another device, protocol, place or form begins another one.
+    A log goes on after a reconnection. Another device, protocol or address begins a new log, and so do other settings
+    of the log.
     """
 
     def __init__(self) -> None:
@@ -44,7 +48,7 @@ class Recorder:
         """Begin a log, go on with it or end it, as a request asks.
 
         Raises:
-            DermisError: it cannot be begun: the file is there already, a folder cannot be made, a package is missing.
+            DermisError: the log cannot be begun: its file exists, a folder cannot be made, a package is missing.
         """
         settings, wire = request.log_settings(), output.wire
         adapter.follows_pose = settings.wanted
@@ -60,10 +64,10 @@ class Recorder:
     def note(
         self, output: DeviceOutput, adapter: Adapter, now: float, play: float | None, phase: Phase, *, sent: bool
     ) -> None:
-        """Write down one sample: the values asked for, the limited values, and whether it was sent.
+        """Log one sample: the wanted values, the limited values and its fate.
 
         Args:
-            now: when that was [s]. play: when the command counts [s], None for at once.
+            now: when it was sent or dropped [s]. play: when the device carries it out [s], None for at once.
         """
         ring = self._ring
         if ring is None:
@@ -92,7 +96,7 @@ class Recorder:
         )
 
     def status(self) -> dict[str, Any]:
-        """Return how the log stands, as JSON values; empty without one."""
+        """Return the status of the log, as JSON values; empty without one."""
         self._ending = [(child, ring) for child, ring in self._ending if not _ended(child, ring)]
         if self._ring is None or self._child is None:
             return dict(self._status)
@@ -114,7 +118,7 @@ class Recorder:
         self._key = _NEVER
 
     def finish(self, seconds: float) -> dict[str, Any]:
-        """End the log, and wait until all of it is written; return how it stands then.
+        """End the log, wait until all of it is written; return its status.
 
         Args:
             seconds: the longest to wait [s].
@@ -144,7 +148,7 @@ class Recorder:
         header = LogHeader(
             log=os.urandom(8).hex(),
             started="",
-            started_unix=0.0,  # whoever writes knows it
+            started_unix=0.0,  # the process that writes the log fills it in
             clock=now,
             device=spec.key,
             name=spec.name,
@@ -184,7 +188,7 @@ class Recorder:
 
 
 def _ended(child: ChildProcess, ring: Ring) -> bool:
-    """Return whether a log's process is gone, and leave nothing behind then."""
+    """Return whether a log's process is gone; if it is, remove its ring."""
     gone = child.gone(ring.status_number)
     if gone:
         ring.close()
@@ -193,7 +197,7 @@ def _ended(child: ChildProcess, ring: Ring) -> bool:
 
 
 def words(status: dict[str, Any]) -> str:
-    """Return how a log stands, as one line for people; '' without one."""
+    """Return the status of a log as one line for people; '' without one."""
     if not status:
         return ""
     parts = []

@@ -1,4 +1,4 @@
-"""Blender's request to the sender, as one plain record that goes to it through shared memory."""
+"""Blender's request to the sender, a plain record in shared memory."""
 
 from __future__ import annotations
 
@@ -22,13 +22,17 @@ class StreamRequest:
     """Blender's whole request; a new one replaces the old.
 
     Attributes:
-        connect: hold the link. url, protocol: which. device: {"key", "preset"}. calibration: its JSON, or ''.
+        connect: keep the link open. url, protocol: those of the link. device: {"key", "preset"}.
+        calibration: its JSON, or ''.
         mode: the source of the values. track, screen: files for 'play' and 'panel'. jog: values by channel [units].
-        arm_id: one arms once, and it rises; 0 disarms. arm_at: when a person pressed it [s], 0 for just now.
+        arm_id: id of an arming; ids rise, and each arms once; 0 disarms. arm_at: when a person pressed Arm [s], 0 for
+            just now.
         stops: number of stops that the person had seen when arming.
-        offset: start offset [s]. look_ahead: [s]. ramp: blend from the first pose [s].
-        stall: without a heartbeat for this long comes the safe state [s]. play_on: a baked track plays on meanwhile.
-        reconnect: try again by itself when a link is lost. rate: of commands [Hz]; 0: the device's own.
+        offset: start offset [s]. look_ahead: how far ahead of their time samples leave [s]. ramp: how long the blend
+            from the first pose takes [s].
+        stall: after this time without a heartbeat the device goes to its safe state [s]. play_on: a track or a panel
+            goes on without heartbeats.
+        reconnect: connect again by itself after a link was lost or failed. rate: of commands [Hz]; 0: the device's own.
         log: file or folder for a log, '' for none. log_format: of files in a folder. log_size, log_total: of one file,
             and of all files of one log [bytes]. tee: addresses for its rows, with blanks between them.
     """
@@ -59,18 +63,19 @@ class StreamRequest:
     tee: str = ""
 
     def same_link(self, other: StreamRequest) -> bool:
-        """Return whether another request is about the same link."""
+        """Return whether another request has the same link."""
         return all(getattr(self, k) == getattr(other, k) for k in _LINK)
 
     def same_source(self, other: StreamRequest) -> bool:
-        """Return whether another request is moved by the same thing."""
+        """Return whether another request has the same source of values."""
         return all(getattr(self, k) == getattr(other, k) for k in _SOURCE)
 
     def check(self) -> None:
-        """Refuse settings that cannot be.
+        """Refuse impossible settings.
 
         Raises:
-            DermisError: a setting of another kind, not finite or outside its limits; says which, and the limits.
+            DermisError: a setting is of another kind, not finite or outside its limits; the error names the setting and
+                the limits.
         """
         for name, row in STREAM.items():
             row.check(getattr(self, name), "stream")

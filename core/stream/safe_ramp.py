@@ -77,7 +77,7 @@ class SafeRamp:
 
 
 def speeds(wire: Wire, start: Array) -> Array:
-    """Return how fast each channel may go to the safe state [units/s].
+    """Return how fast each channel may go to its safe value [units/s].
 
     That is the declared speed. A channel without one goes through its range in `SAFE_SWEEP`. A channel without a range
     goes its way from `start` in `SAFE_SWEEP`. A device declared `at_once` has no limit.

@@ -1,4 +1,4 @@
-"""Readings of a tactile sensor that come in live, and the sources that `--sensor` names."""
+"""Live readings of a tactile sensor, and the sources of `--sensor`."""
 
 from __future__ import annotations
 
@@ -20,17 +20,19 @@ from .touch_input import Reading
 
 ADDRESS = "/dermis/sensor"
 SOURCES = "osc://:PORT, osc://HOST:PORT, socket://HOST:PORT, serial:PORT?baud=, '-' for standard input"
-LARGEST = 1e38  # the same for text and for OSC's 32-bit floats: the square of a distance stays finite
-ALONE = 0.5  # [s]: one sensor is heard at a time, and one that is silent, or late, for as long ends a stream anyway
-SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")  # one comma or semicolon at most: between two a number is missing
-KEPT = 10_000  # readings, of 10 s at 1 kHz: averages and measurements are taken from them
+LARGEST = 1e38  # [1] largest value, for text as for OSC's 32-bit floats: the square of a distance stays finite
+# [s] A second sensor is refused for this long after a reading of the first, and so are readings whose time is further
+# off than this. A sensor that is silent or late for as long ends a stream anyway.
+ALONE = 0.5
+SEPARATOR = re.compile(r"\s*[,;]\s*|\s+")  # at most one comma or semicolon: between two of them a number is missing
+KEPT = 10_000  # [1] readings that are kept for averages and measurements, 10 s at 1 kHz
 
 
 class Told(NamedTuple):
     """A reading as it was sent.
 
     Attributes:
-        values: shape (channels,). tag: time tag of its OSC bundle; `IMMEDIATELY` where nobody says when it was taken.
+        values: shape (channels,). tag: time tag of its OSC bundle; `IMMEDIATELY` if the time of the reading is unknown.
     """
 
     values: Array
@@ -54,7 +56,7 @@ class SensorInput(Reading):
     """The readings of a sensor, taken by a thread.
 
     Attributes:
-        count: readings taken.
+        count: number of readings so far.
     """
 
     what = "a reading"
@@ -71,7 +73,7 @@ class SensorInput(Reading):
         return self._kept[-1] if self._kept else None
 
     def since(self, moment: float) -> list[Sensed]:
-        """Return the readings that were taken at a moment [s] or after it, the oldest first."""
+        """Return the readings taken at a moment [s] or later, oldest first."""
         found: list[Sensed] = []
         for sensed in reversed(self._kept.copy()):
             if sensed.taken < moment:
@@ -85,10 +87,10 @@ class SensorInput(Reading):
         self.count += 1
 
     def _age(self, tag: int) -> float:
-        """Return how long ago a reading was taken [s]; 0 where nobody says.
+        """Return how long ago a reading was taken [s]; 0 without a time tag.
 
         Raises:
-            ValueError: it is older than a later one that came before it, or its sender's clock is another time.
+            ValueError: a later reading came before it, or its time is further than `ALONE` from this computer's clock.
         """
         if tag == IMMEDIATELY:
             return 0.0
@@ -105,25 +107,28 @@ class SensorInput(Reading):
 
 
 def reading_of_line(line: bytes, channels: int) -> Array:
-    """Read a line of numbers, one a channel, with commas, semicolons or blanks between them, and maybe at its end.
+    """Read a line of numbers, one a channel.
+
+    Commas, semicolons or blanks separate the numbers, and may also end the line.
 
     Raises:
-        ValueError: another number of values, one that is not finite or no plain decimal number, or an empty one.
+        ValueError: the number of values is wrong, or a value is empty, not finite, too large or not plainly decimal.
     """
     text = line.decode("ascii").strip().rstrip(",; \t")
-    if "_" in text:  # which Python reads over: 1_0 is no sensor's 10
+    if "_" in text:  # Python would ignore it, but 1_0 is not a sensor's 10
         raise ValueError("a number is no plain decimal number")
     return _checked([float(part) for part in SEPARATOR.split(text)], channels)
 
 
 def readings_of_osc(data: bytes, channels: int) -> Iterator[Told]:
-    """Yield the readings of a datagram: `/dermis/sensor ,ff...`, a number a channel; other addresses are let by.
+    """Yield the readings of a datagram.
 
-    A bundle's time tag is when its readings were taken.
+    A reading is a message `/dermis/sensor ,ff...` with a number a channel. Other addresses are ignored. A bundle's time
+    tag is the time at which its readings were taken.
 
     Raises:
-        DermisError: malformed.
-        ValueError: another number of values, or one that is not finite.
+        DermisError: the datagram is malformed.
+        ValueError: the number of values is wrong, or a value is not finite or too large.
     """
     tag, messages = read_bundle(data) if data.startswith(BUNDLE) else (IMMEDIATELY, [read_message(data)])
     for address, arguments in messages:
@@ -135,7 +140,7 @@ def sensor_input(text: str, channels: int, option: str = "--sensor") -> SensorIn
     """Open the input that an option names.
 
     Raises:
-        DermisError: no such kind, or it cannot be opened.
+        DermisError: the kind of input is unknown, or the input cannot be opened.
     """
     if not text.startswith(("osc://", "serial:", "socket:")) and text != "-":
         raise DermisError("no such source of readings", where=option, value=text, limit=SOURCES)
@@ -153,13 +158,14 @@ def sensor_input(text: str, channels: int, option: str = "--sensor") -> SensorIn
 def simulated_sensor(
     name: str, where: Callable[[], Array | None], read: Callable[[Array], Array], period: float = 0.01
 ) -> SensorInput:
-    """Return a virtual sensor in a virtual device: its readings of the device's position, at a period.
+    """Return a virtual sensor in a virtual device.
 
-    It is read where the device stands still; while that moves, the last reading is told again.
+    It gives a reading every period. After the first reading the sensor is only read anew when the device stands still
+    at another pose. While the device moves, the last reading is repeated.
 
     Args:
-        where: the device's commands as it follows them, shape (channels,); None while nobody knows.
-        read: the sensor's reading there. period: [s].
+        where: returns the device's pose, as the commands that it follows, shape (channels,); None while it is unknown.
+        read: returns the sensor's reading at a pose. period: time between two readings [s].
     """
     before: Array | None = None
     known: tuple[Array, Array] | None = None

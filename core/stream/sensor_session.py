@@ -1,7 +1,7 @@
-"""SensorSession: a device that follows a sensor live, from connecting to its safe state, and the latency it reached.
+"""SensorSession: a device that follows a sensor live.
 
-Each reading is looked up when it arrives; the commands reach the device as a followed preview does: through its ramp,
-its limits and the drive that may stop at any moment.
+Each reading is looked up when it arrives. The commands reach the device as those of a followed preview do: through the
+ramp, the limits, and the drive, which may stop at any moment. The session also measures its latency.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class Follows(Protocol):
     """Makes commands of readings; `core.design.follow.Follower` is one.
 
     Attributes:
-        beyond: readings that it does not know the like of. first_beyond: the first of them, for people.
+        beyond: number of readings that resemble none of its own. first_beyond: the first of them, for people.
     """
 
     beyond: int
@@ -36,7 +36,8 @@ class SensorSession(SensorStream):
     """A device that follows a sensor.
 
     Attributes:
-        readings: that were looked up. latencies: from a reading's arrival here to the first command after it [s].
+        readings: number of readings looked up.
+        latencies: times from a reading's arrival here to the first command after it [s].
     """
 
     def __init__(
@@ -47,13 +48,13 @@ class SensorSession(SensorStream):
         self.latencies: list[float] = []
         self._follows: Follows | None = None
         self._offset: Array | float = 0.0
-        self._open: Sensed | None = None  # looked up, and no command has left since
+        self._open: Sensed | None = None  # the reading looked up last, if no command has left since
 
     def follow(self, follows: Follows, offset: Array | float = 0.0) -> None:
         """Arm, and follow until a signal ends it, or until no more readings come.
 
         Args:
-            offset: added to each reading, shape (channels,), such as moves its rest to the table's.
+            offset: added to each reading, shape (channels,), for example to move its rest to that of the table.
 
         Raises:
             DermisError: no readings come, or too few, or the device is not armed any more.
@@ -73,7 +74,7 @@ class SensorSession(SensorStream):
             raise self.refusal("the device disarmed itself")
 
     def summary(self) -> str:
-        """Return readings, latency and whatever was counted."""
+        """Return a text of readings, latency and counts."""
         counted, latencies = self.streamer.counted(), np.array(self.latencies) * 1e3
         lines = [f"readings {self.sensor.count}, looked up {self.readings}"]
         if len(latencies):
@@ -90,7 +91,7 @@ class SensorSession(SensorStream):
         return "\n".join(filter(None, lines))
 
     def tick(self, now: float) -> float:
-        """Look a new reading up, and note how long its command took."""
+        """Do the due work, and measure how long a reading's command took."""
         before = self.streamer.counters["sent"]
         due = super().tick(now)
         if self._open is not None and self.streamer.counters["sent"] > before:
@@ -99,7 +100,7 @@ class SensorSession(SensorStream):
         return due
 
     def read(self, newest: Sensed) -> None:
-        """Look a reading up."""
+        """Look a reading up, and follow its command."""
         assert self._follows is not None
         self._open = newest
         self.readings += 1

@@ -1,4 +1,7 @@
-"""SensorStream: a device that is driven while a sensor is read; a sensor that falls silent ends it, safely."""
+"""SensorStream: a device that is driven while a sensor is read.
+
+If the sensor falls silent, the device goes to its safe state.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +20,18 @@ from .signals import Interrupted, Signals
 from .streamer import Streamer
 from .virtual.link import open_any_link
 
-FIRST = 5.0  # a sensor that has told nothing for as long after its port was opened tells nothing [s]
+FIRST = 5.0  # [s] how long the first reading of a sensor is waited for
 
 
 class SensorStream(LocalStream):
-    """A device that is driven while a sensor is read. It gets its commands as a followed preview does.
+    """A device that is driven while a sensor is read.
 
-    Where no reading comes for as long as Blender may stand still (`stall`), the device goes to its safe state.
+    It gets its commands as a followed preview does. If the newest reading is older than the request's `stall`, the time
+    that Blender may be silent, the device goes to its safe state.
 
     Args:
-        request: mode 'follow'. sensor: tells readings. channels: of the commands, in their order.
+        request: its mode is 'follow'. sensor: gives the readings. channels: names of the channels of the commands, in
+            their order.
     """
 
     def __init__(
@@ -34,7 +39,7 @@ class SensorStream(LocalStream):
     ) -> None:
         super().__init__(Streamer(open_any_link, clock=clock.now), request, signals)
         self.sensor, self.channels = sensor, channels
-        self._watched = False  # from the first command on
+        self._watched = False  # whether readings are used, and their absence stops the device
         self._seen: Sensed | None = None
         self._number, self._values = 0, tuple[float, ...]()
         self._order: list[int] = []
@@ -46,7 +51,7 @@ class SensorStream(LocalStream):
             does: the device's task, for people.
 
         Raises:
-            DermisError: the device cannot be reached, or has a channel that no command is made for.
+            DermisError: the device cannot be reached, or the commands lack one of its channels.
             Interrupted: a signal came first.
         """
         drive = self.connect()
@@ -60,7 +65,9 @@ class SensorStream(LocalStream):
         say(f"{wire.spec.name} at {self.request.url} {does} {self.sensor.name}. Ctrl-C: safe state, and the end.")
 
     def rest(self, seconds: float) -> Array:
-        """Wait, and return the readings of an untouched sensor meanwhile, shape (readings, channels).
+        """Wait, and return the readings of the untouched sensor meanwhile.
+
+        The result has the shape (readings, channels).
 
         Raises:
             DermisError: no reading came.
@@ -90,10 +97,12 @@ class SensorStream(LocalStream):
         return last
 
     def paced(self) -> None:
-        """Wait for two more readings, and refuse a sensor that is too slow before anything is armed.
+        """Wait for two more readings, and refuse a sensor that is too slow.
+
+        Call it before the device is armed.
 
         Raises:
-            DermisError: it gives fewer than one reading within the time after which its silence ends the stream.
+            DermisError: the sensor gave no reading for longer than `stall`, after which its silence ends the stream.
             Interrupted: a signal came first.
         """
         most = self.request.stall
@@ -113,16 +122,22 @@ class SensorStream(LocalStream):
             )
 
     def drive_to(self, values: Array) -> None:
-        """Take other commands, in the order of the channels."""
+        """Take new commands, in the order of `channels`."""
         self._values = tuple(float(values[i]) for i in self._order)
 
     def shut(self) -> None:
-        """Read the sensor no more, then go to the safe state: no reading may break that off. Safe to call twice."""
+        """Stop reading the sensor, and go to the safe state.
+
+        No reading can break off the way there. Safe to call twice.
+        """
         self._watched = False
         super().shut()
 
     def tick(self, now: float) -> float:
-        """Take a new reading, give a sign of life with the commands, and do the due work."""
+        """Take a new reading, pass on its command, and do the due work.
+
+        The command goes to the streamer in a heartbeat, as those of Blender do.
+        """
         newest = self.sensor.last
         if self._watched and newest is not None:
             if newest is not self._seen:
@@ -138,5 +153,5 @@ class SensorStream(LocalStream):
         """Act on a new reading."""
 
     def no_more(self, otherwise: str) -> DermisError:
-        """Return why no readings come."""
+        """Return an error that says why no readings come."""
         return DermisError(self.sensor.fault.rstrip(".") or otherwise, where=self.sensor.name)

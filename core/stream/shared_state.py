@@ -1,7 +1,8 @@
-"""State shared by Blender and the sender: a small mapped file in which each side writes its latest record.
+"""State shared by Blender and the sender, in a small mapped file.
 
-Nobody ever waits and nothing queues up: a record replaces the one before. Every record lies in one of two slots with a
-number and a CRC-32; the newest whole one counts, so a reader never sees half a record.
+Each side writes its latest records there. Nobody ever waits and nothing queues up: a record replaces the one before.
+Every record lies in one of two slots with a number and a CRC-32. The newest whole one counts, so a reader never sees
+half a record.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class Heartbeat:
 
     Attributes:
         number: rises with every heartbeat. stops: rises with every stop. playing: playback runs.
-        time: track time on the screen [s], or None. at: when it was given [s], None for just now.
+        time: track time on the screen [s], or None. at: when the heartbeat was written [s], None for just now.
         values: values of the wire's channels to follow; may be empty.
     """
 
@@ -44,7 +45,10 @@ class Heartbeat:
 
 
 class SharedState:
-    """Both sides' view; `create` on Blender's side, `open` on the sender's."""
+    """One side's view of the shared state.
+
+    Blender makes it by `create`, and the sender by `open`.
+    """
 
     SIZE = len(MAGIC) + 2 * (HEARTBEAT_BYTES + REQUEST_BYTES + STATUS_BYTES)
 
@@ -73,7 +77,7 @@ class SharedState:
         """Open another process's state.
 
         Raises:
-            DermisError: it is none.
+            DermisError: the file cannot be opened, or is no shared state of this version.
         """
         try:
             descriptor = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
@@ -92,7 +96,7 @@ class SharedState:
 
     @property
     def heartbeat_number(self) -> int:
-        """Number of the newest heartbeat; cheap enough to ask every millisecond."""
+        """Number of the newest heartbeat; it may be read every millisecond."""
         return self._heartbeat.number()
 
     def read_heartbeat(self) -> Heartbeat | None:
@@ -119,25 +123,28 @@ class SharedState:
         return dict(json.loads(found[1])) if found else {}
 
     def write_status(self, status: dict[str, Any]) -> None:
-        """Write how things stand."""
+        """Write the sender's status."""
         self._status.put(json.dumps(status).encode())
 
     @property
     def status_number(self) -> int:
-        """Number of the newest status, of how things stand."""
+        """Number of the newest status."""
         return self._status.number()
 
     def read_status(self) -> dict[str, Any]:
-        """Return how things stand, empty before the first status."""
+        """Return the newest status, empty before the first."""
         found = self._status.get()
         return dict(json.loads(found[1])) if found else {}
 
     def close(self) -> None:
-        """Let go of the memory; the file stays until `remove`."""
+        """Release the memory; the file stays until `remove`."""
         self._memory.close()
 
     def remove(self) -> None:
-        """Close, and remove the file. Safe to call twice, and by both sides: the last one can."""
+        """Close the state, and remove its file.
+
+        It is safe to call twice, and on both sides. On Windows only the side that closes last can remove the file.
+        """
         self.close()
         with contextlib.suppress(PermissionError):  # Windows
             self.path.unlink(missing_ok=True)

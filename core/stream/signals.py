@@ -9,14 +9,14 @@ from contextlib import contextmanager
 
 
 class Interrupted(BaseException):
-    """A signal asked for the end while nothing could look after it."""
+    """A signal has asked for the end of the stream."""
 
 
 class Signals:
-    """Ctrl-C, TERM and HUP: noted, so that no message is cut in the middle; during a prompt they end that.
+    """Remembers Ctrl-C, TERM and HUP, so that no message is cut in two.
 
-    Ctrl-Z and Ctrl-\\ end a stream too: a program that sleeps, or dies at once, leaves a board without a watchdog where
-    it is.
+    During a prompt they end the prompt. Ctrl-Z and Ctrl-\\ end a stream too: a program that sleeps, or dies at once,
+    leaves a board without a watchdog where it is.
 
     Attributes:
         number: number of the signal that was received; 0 before.
@@ -30,7 +30,10 @@ class Signals:
 
     @contextmanager
     def caught(self) -> Iterator[None]:
-        """Remember signals instead of dying of them; once one came, others are ignored until the program has ended."""
+        """Remember signals instead of dying of them.
+
+        If a signal came, they are ignored after the block, until the program has ended.
+        """
         numbers = [getattr(signal, name) for name in self.NAMES if hasattr(signal, name)]
         numbers = [n for n in numbers if n == signal.SIGINT or signal.getsignal(n) != signal.SIG_IGN]  # nohup
         before = [(number, signal.signal(number, self._note)) for number in numbers]

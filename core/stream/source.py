@@ -1,4 +1,7 @@
-"""The values for a device at a moment: by the track, by Blender's preview, by hand, or by a finger on a panel."""
+"""The sources of the values for a device.
+
+They are a track, Blender's preview, a person's settings of single channels, or a finger on a panel.
+"""
 
 from __future__ import annotations
 
@@ -25,12 +28,12 @@ class FollowSource:
     moving: bool = True
 
     def values_at(self, moment: float, now: float) -> Array:
-        """Return them."""
+        """Return the values that Blender published last."""
         return self.latest
 
 
 class JogSource:
-    """Single actuators by hand, all others as the safe state has them."""
+    """Single channels set by hand; all others as in the safe state."""
 
     moving = True
 
@@ -47,7 +50,10 @@ class JogSource:
 
 
 def follow_values(wire: Wire, values: Sequence[float]) -> Array:
-    """Return published values as an array; the safe state where they do not fit the channels."""
+    """Return published values as an array.
+
+    If there is not one for each channel, return the values of the safe state.
+    """
     return np.array(values, np.float64) if len(values) == wire.count else wire.safe_command
 
 
@@ -55,7 +61,10 @@ Source = TrackSource | FollowSource | JogSource | PanelSource
 
 
 def goes_on(source: Source | None, old: Source | None) -> bool:
-    """Return whether a source takes over from another without a blend: the same track, or a hand that is followed."""
+    """Return whether a source takes over from another without a blend.
+
+    It does if both play the same track with the same offset, both follow Blender, or both are set by hand.
+    """
     if isinstance(source, TrackSource) and isinstance(old, TrackSource):
         return source.track is old.track and source.offset == old.offset
     return type(source) is type(old) and isinstance(source, FollowSource | JogSource)
@@ -73,16 +82,18 @@ def source_of(
 
     Args:
         old: the source before; a playback goes on where it was. published: values that Blender published last.
-        output_hz: values a second that reach the actuators, for tracks; a live source has no future to average over.
+        output_hz: values a second that reach the actuators [Hz]; it counts for tracks alone, because low-passing needs
+            future values.
 
     Raises:
-        DermisError: nothing to play, another device's track, or no screen map.
+        DermisError: there is no track, it is for another device, a channel set by hand is not on the wire, or there is
+            no screen map.
     """
     if request.mode == "play":
         if not request.track:
             raise DermisError("nothing to play", remedy="Bake, or choose a track")
         track = read_track(Path(request.track))
-        if isinstance(old, TrackSource) and old.plays(wire, track, output_hz):  # made once: a device waits meanwhile
+        if isinstance(old, TrackSource) and old.plays(wire, track, output_hz):  # not made anew, since a device waits
             play = copy(old)
             play.take(wire)
             play.offset, play.safe = request.offset + wire.latency, wire.safe_command

@@ -1,4 +1,7 @@
-"""The state of a link, in a word for people: senders report it, and panels show it."""
+"""The state of a link, in a word for people.
+
+Senders report it, and panels show it.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +9,13 @@ from enum import StrEnum
 
 
 class State(StrEnum):
-    """A link goes from DISCONNECTED to CONNECTING, READY, ARMED and, while samples move the device, STREAMING.
+    """The state of a link.
 
-    On the way to the safe state it is STOPPING, and READY after it; or STALLED both times, if Blender gave no sign of
-    life: until somebody arms again. FAULT stands for all of them while something refuses, until it connects anew.
+    A link goes from DISCONNECTED to CONNECTING, READY, ARMED and, while samples move the device, STREAMING.
+
+    On the way to the safe state it is STOPPING, and READY after that. If Blender gave no sign of life or the sender was
+    silent, it is STALLED both times, until somebody arms again. After an error FAULT replaces all of these states,
+    until the next attempt to connect, or until the link is closed and no longer requested.
     """
 
     DISCONNECTED = "disconnected"
@@ -20,8 +26,8 @@ class State(StrEnum):
     STOPPING = "stopping"
     STALLED = "stalled"
     FAULT = "fault"
-    DEAD = "dead"  # the process that held the link has ended by itself: who started it says so
+    DEAD = "dead"  # the process that held the link has ended by itself; the process that started it reports that
 
 
 WAITING = (State.READY, State.STALLED)  # a device is there, and can be armed
-OVER = (State.DISCONNECTED, State.FAULT, State.DEAD)  # nothing is driven, and nothing will be by itself
+OVER = (State.DISCONNECTED, State.FAULT, State.DEAD)  # nothing is armed, and nothing will be by itself

@@ -1,4 +1,4 @@
-"""Where a finger is, told by something other than the device's own panel."""
+"""Touches from a source other than the device's own panel."""
 
 from __future__ import annotations
 
@@ -17,11 +17,12 @@ Finger = tuple[bool, float, float]  # down, x, y [m]
 
 
 class TouchInput:
-    """Tells where a finger is; the time of a touch is that of its arrival here.
+    """Gives the touches of a finger, with the time of their arrival here.
 
     Attributes:
-        what: a message tells. name: for people. bad: messages that did not; the first is said at once.
-        ended: no touch will come any more. fault: why, where it ended by a fault.
+        what: thing that a message states, for people. name: for people. bad: number of messages that state no such
+            thing; the first is shown.
+        ended: no touch will come any more. fault: the reason, if it ended by a fault.
     """
 
     what = "a touch"
@@ -31,11 +32,11 @@ class TouchInput:
         self._latest: Touch | None = None
 
     def finger(self, now: float) -> Touch | None:
-        """Return the last touch; None before the first, and when no more will come."""
+        """Return the last touch; None before the first, and after the end."""
         return None if self.ended else self._latest
 
     def close(self) -> None:
-        """Take no more."""
+        """Take no more touches."""
         self.ended = True
 
     def _take(self, found: Any) -> None:
@@ -43,7 +44,7 @@ class TouchInput:
         self._latest = Touch(down, x, y, clock.now())
 
     def _refuse(self, message: object, error: Exception) -> None:
-        """Count messages that are no touch, and show the first."""
+        """Count a bad message, and show the first one."""
         self.bad += 1
         if self.bad == 1:
             with contextlib.suppress(OSError):
@@ -54,7 +55,7 @@ class TouchInput:
 
 
 class Reading(TouchInput):
-    """An input that a thread reads, so that a touch gets its time when it arrives.
+    """An input read by a thread, so that a touch gets its arrival time.
 
     Args:
         read: waits for a while and returns the messages that came; None when there will be no more.
@@ -74,7 +75,7 @@ class Reading(TouchInput):
         self._thread.start()
 
     def close(self) -> None:
-        """Take no more, and close the input."""
+        """Take no more touches, and close the input."""
         self.ended = True
         self._thread.join(0.5)
         self._shut()

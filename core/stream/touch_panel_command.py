@@ -18,9 +18,9 @@ TELL_TOUCHES = ("native", "osc")  # protocols whose device may have a touch pane
 
 
 def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
-    """Connect, arm, answer touches until a signal or the end of the touches, and end at 0 V.
+    """Answer touches until a signal or the end of the touches.
 
-    Returns 0, or 1 where the log is not whole.
+    Connects and arms before, and ends at 0 V. Returns 0, or 1 if the log is not whole.
 
     Raises:
         DermisError: a map, device, link or source of touches that cannot be used; says which.
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
             session.shut()
             if given is not None:
                 given.close()
-    with contextlib.suppress(OSError):  # a terminal that hung up reads no more
+    with contextlib.suppress(OSError):  # the terminal may have been closed
         print(session.summary())
     if session.unsure:
         raise session.refusal("0 V could not be made sure of")

@@ -1,4 +1,4 @@
-"""TouchPanelSession: a screen that follows a finger from connecting to 0 V, and its results."""
+"""TouchPanelSession: a screen that follows a finger, and the results."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ class TouchPanelSession(LocalStream):
     """A screen that follows a finger, from connecting to 0 V.
 
     Args:
-        screen: answers touches. given: tells them, where that is not the device's own panel.
+        screen: answers touches. given: source of the touches; None: the device's own panel.
 
     Attributes:
-        touches, reports: times that a finger came down, and messages of where it was. volts: least and most driven.
-        latencies: from a message's arrival here to the command after it [s].
+        touches, reports: how often a finger came down, and number of messages about it.
+        volts: lowest and highest voltage driven [V]. latencies: from a message's arrival here to the command after it
+            [s].
     """
 
     def __init__(self, request: StreamRequest, screen: Screen, given: TouchInput | None, signals: Signals) -> None:
@@ -34,7 +35,7 @@ class TouchPanelSession(LocalStream):
         self.volts = (0.0, 0.0)
         self.latencies: list[float] = []
         self._seen: Touch | None = None
-        self._open: Touch | None = None  # seen, and no command has left since
+        self._open: Touch | None = None  # the touch seen last, if no command has left since
 
     def prepare(self, limit: float) -> None:
         """Open the link, and announce the session.
@@ -43,7 +44,7 @@ class TouchPanelSession(LocalStream):
             limit: voltage limit of the screen map [V].
 
         Raises:
-            DermisError: it cannot be, or the device is none that a touch panel can drive.
+            DermisError: the device cannot be reached, or a touch panel cannot drive it.
             Interrupted: a signal came first.
         """
         drive = self.connect()
@@ -76,7 +77,7 @@ class TouchPanelSession(LocalStream):
             raise DermisError(f"no more touches: {given.fault.rstrip('.')}")
 
     def summary(self) -> str:
-        """Return touches, volts, latency and whatever was counted."""
+        """Return a text of touches, volts, latency and counts."""
         counted, latencies = self.streamer.counted(), np.array(self.latencies) * 1e3
         lines = [f"touches {self.touches}, reports {self.reports}, {self.volts[0]:.4g} to {self.volts[1]:.4g} V"]
         if len(latencies):

@@ -1,4 +1,4 @@
-"""A finger on a touch panel as the source of a stream: it reports where, a screen's map answers."""
+"""A finger on a touch panel as the source of a stream."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .protocols.adapter import Touch
 from .protocols.wire import Wire
 from .track_clock import TrackClock
 
-TOUCH_OLD = 0.2  # a touch that the panel has not repeated for this long has ended [s]
+TOUCH_OLD = 0.2  # [s] A touch that the panel has not repeated for this long has ended.
 
 
 class Screen(Protocol):
@@ -28,17 +28,20 @@ class Screen(Protocol):
 
 
 class PanelSource:
-    """A finger on a touch panel: it reports where, the map answers amplitude and carrier.
+    """A finger on a touch panel, answered by a screen's map.
 
-    A panel repeats its touch while the finger is down. One that has grown old counts as lifted: the word of the end may
-    have been lost, or the panel has died, and a voltage must not outlast either. While the finger rests the direction
-    of its last movement is held, as in a bake; before the first movement of a touch there is none.
+    The panel reports where the finger is; the map answers with amplitude and carrier.
+
+    A panel repeats its touch while the finger is down. A finger whose touch has grown old counts as lifted: the message
+    of its end may have been lost, or the panel may have died, and a voltage must not outlast either. While the finger
+    rests, the direction of its last movement is held, as in a bake. Before the first movement of a touch there is no
+    direction.
 
     Args:
-        finger: tells where the finger is, where that is not the device's own panel.
+        finger: returns the touch of the finger; None: the device's own panel reports it.
 
     Attributes:
-        limited: answers that the device's limit cut. aged: touches that ended by their age.
+        limited: number of answers that the device's limit cut. aged: number of touches that ended by their age.
         seen: the last touch taken; None before the first.
 
     Source: [S4] section 3
@@ -57,7 +60,7 @@ class PanelSource:
         self._began: float | None = None
         self._heading = screen.heading()
         self._direction = (0.0, 0.0)
-        self._heard: float | None = None  # when the finger was said to be down last [s]; None: it is not
+        self._heard: float | None = None  # when the finger was last reported to be down [s]; None: it is not down
         self._values = wire.safe_command
 
     def recalibrated(self, wire: Wire) -> None:
@@ -67,7 +70,10 @@ class PanelSource:
             self._values = wire.safe_command
 
     def begin(self, now: float) -> None:
-        """Begin at 0 V with whatever finger is there, and with the map's time where Blender does not tell it."""
+        """Begin at 0 V, whether a finger is down or not.
+
+        The map's time begins at 0, unless Blender reports the time.
+        """
         self._began, self.seen = now, None
         self._lift()
 
@@ -78,7 +84,7 @@ class PanelSource:
         self.clock.report(time, playing, now)
 
     def touched(self, touch: Touch | None, now: float) -> None:
-        """Take where the finger is now."""
+        """Take the finger's latest touch."""
         if self.finger is not None:
             touch = self.finger(now)
         new, self.seen = touch is not self.seen, touch
@@ -87,7 +93,7 @@ class PanelSource:
             return
         if new:
             heard = now if touch.at is None else touch.at
-            if now - heard > TOUCH_OLD:  # before this panel was asked for
+            if now - heard > TOUCH_OLD:  # the touch is old, such as one from before this source was used
                 self._lift()
                 return
             self._heard = heard
@@ -102,7 +108,7 @@ class PanelSource:
         return self._values
 
     def _answer(self, touch: Touch, now: float) -> None:
-        if self._began is None:  # chosen under way
+        if self._began is None:  # this source was chosen while the device was armed
             self._began = now
         time = now - self._began if self.clock is None else self.clock.at(now, now)
         answer = self.screen.answer(touch.x, touch.y, self._direction, time)
@@ -119,4 +125,4 @@ class PanelSource:
     def _lift(self) -> None:
         self._heard = None
         self._heading.lift()
-        self._values = self.wire.safe_command  # no voltage, whatever the calibration adds to one
+        self._values = self.wire.safe_command  # drives no voltage, whatever offset the calibration adds

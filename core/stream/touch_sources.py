@@ -1,4 +1,7 @@
-"""The sources of touches that `--touch` names: OSC datagrams, lines of numbers, the mouse in a window."""
+"""The sources of touches that `--touch` names.
+
+They are OSC datagrams, lines of numbers, and the mouse in a window.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +25,7 @@ def touch_of_line(line: bytes, unit: float) -> Finger:
         unit: unit of x and y in the line [m].
 
     Raises:
-        ValueError: two or three finite numbers are not all there is, or down is neither 0 nor 1.
+        ValueError: the line is not two or three finite numbers, or down is neither 0 nor 1.
     """
     parts = [float(part) for part in line.decode("ascii").replace(",", " ").split()]
     if len(parts) not in (2, 3) or not all(map(math.isfinite, parts)) or (len(parts) == 3 and parts[2] not in (0, 1)):
@@ -31,7 +34,9 @@ def touch_of_line(line: bytes, unit: float) -> Finger:
 
 
 def touches_of_osc(data: bytes) -> Iterator[Finger]:
-    """Yield the touches of a datagram: `/dermis/touch ,iff DOWN X Y`, alone or in a bundle; other addresses are let by.
+    """Yield the touches of a datagram.
+
+    A touch is a message `/dermis/touch ,iff DOWN X Y`, alone or in a bundle. Other addresses are ignored.
 
     Raises:
         DermisError: malformed, or not finite.
@@ -51,7 +56,7 @@ def touch_input(text: str, unit: str, size: tuple[float, float]) -> TouchInput |
         size: size of the screen [m], for a window.
 
     Raises:
-        DermisError: no such kind, or it cannot be opened.
+        DermisError: the kind of source is unknown, or the source cannot be opened.
     """
     if text == "device":
         return None

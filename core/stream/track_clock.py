@@ -1,25 +1,28 @@
-"""Where the track is while Blender plays: its frames come now and then, commands leave all the time."""
+"""The time of the track while Blender plays.
+
+Blender reports it now and then, by its frames, but commands leave all the time.
+"""
 
 from __future__ import annotations
 
-LEAD = 0.1  # how far the track may run ahead of the last frame that Blender showed [s]
-JUMP = 0.25  # a frame further off than this is a jump, not a playback that is a little late [s]
+LEAD = 0.1  # [s] how far the track may run ahead of the last frame that Blender showed
+JUMP = 0.25  # [s] A frame further off than this is a jump, not a playback that is a little late.
 
 
 class TrackClock:
-    """Follows a playback that reports its time a frame at a time, and gives the time in between.
+    """Follows a playback by its frames, and gives the time between them.
 
     Attributes:
-        free: run on where no frame arrives, instead of waiting `LEAD` behind the last one.
+        free: go on while no frame arrives, instead of waiting at `LEAD` after the last one.
     """
 
     def __init__(self, *, free: bool = False) -> None:
         self.free = free
         self.running = False
-        self._at = 0.0  # track time ...
-        self._when = 0.0  # ... at this moment
+        self._at = 0.0  # track time at the moment `_when` [s]
+        self._when = 0.0  # [s]
         self._speed = 1.0
-        self._shown, self._seen = 0.0, 0.0  # last frame's time, and when it came
+        self._shown, self._seen = 0.0, 0.0  # the last frame's track time, and the moment when it came [s]
 
     def report(self, time: float, playing: bool, now: float) -> None:
         """Take Blender's state at this moment: track time [s] and whether it plays."""
@@ -38,7 +41,7 @@ class TrackClock:
         self.running, self._shown, self._seen = True, time, now
 
     def at(self, moment: float, now: float) -> float:
-        """Return the track time at a moment, not before `now`."""
+        """Return the track time at a moment [s] that is `now` or later."""
         if not self.running:
             return self._at
         time = self._at + (moment - self._when) * self._speed

@@ -1,4 +1,4 @@
-"""A track as the source of a stream: its values at the times that Blender's playback asks for."""
+"""A track as the source of a stream."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from .track_clock import TrackClock
 
 
 class TrackSource:
-    """A track, at the times that Blender's playback asks for.
+    """The values of a track at the times of Blender's playback.
 
     Args:
         offset: added to Blender's time [s]: positive plays the track earlier.
-        free: play on where Blender's main thread stalls.
-        output_hz: values a second that reach the actuators; a track that holds more is played low-passed. 0: all.
+        free: play on while Blender's main thread stalls.
+        output_hz: values a second that reach the actuators [Hz]; a track that has more is low-passed. 0: no low-pass.
 
     Attributes:
         safe: values before and after the track [units], shape (channels,).
-        loss: the part that the low-passed track leaves out; None: it is played as it is.
-        asked: time of the track whose values were asked for last [s]; NaN before the first.
+        loss: the part of the track that low-passing leaves out; None: the track is played as it is.
+        asked: time of the track whose values were requested last [s]; NaN before the first.
     """
 
     def __init__(
@@ -66,18 +66,23 @@ class TrackSource:
         self.take(wire)
 
     def take(self, wire: Wire) -> None:
-        """Take another calibration of the device: its measured frequency responses are inverted here.
+        """Take another calibration of the device.
+
+        The track's values are made anew by inverting the calibration's measured frequency responses.
 
         Raises:
             DermisError: the track moves faster than was measured, or its samples are not evenly spaced.
         """
         answered = wire.frequency, wire.latency
-        if answered != self._answered:  # a device waits meanwhile
+        if answered != self._answered:  # not made anew without need, since a device waits meanwhile
             self._values = equalised(wire, self.track.spec.name, self._wanted, self._rate)
             self._answered = answered
 
     def plays(self, wire: Wire, track: CommandTrack, output_hz: float) -> bool:
-        """Return whether this is a track for a device already, whatever its offset."""
+        """Return whether this source plays a track for a device already.
+
+        Its offset does not matter.
+        """
         return self.spec is wire.spec and self.track is track and self.output_hz == output_hz
 
     def _low_pass(self, wire: Wire, output_hz: float) -> None:
@@ -104,12 +109,15 @@ class TrackSource:
         self.clock.report(time, playing, now)
 
     def values_at(self, moment: float, now: float) -> Array:
-        """Return values [units] at a moment; before and after the track the device is safe."""
+        """Return the values at a moment [units].
+
+        Before and after the track they are those of the safe state.
+        """
         self.asked = self.clock.at(moment, now) + self.offset
         return self.value(self.asked)
 
     def value(self, time: float) -> Array:
-        """Return the track's values at a time of its own."""
+        """Return the values at a time of the track [units]."""
         times = self._times
         if not len(times) or time < times[0] - 1e-9 or time > times[-1] + 1e-9:
             return self.safe
@@ -126,7 +134,9 @@ class TrackSource:
 
 
 def equalised(wire: Wire, track: str, values: Array, rate: float) -> Array:
-    """Return a track's values as they are driven so that the actuators reach them, by their frequency responses.
+    """Return the values to drive so that the actuators reach a track.
+
+    They follow from the inverse of the actuators' frequency responses.
 
     Args:
         track: name of the track, for messages.
@@ -165,13 +175,16 @@ _read: list[tuple[tuple[str, int, int], CommandTrack]] = []  # the track read la
 
 
 def read_track(path: Path) -> CommandTrack:
-    """Return the track of a file; one that has not changed is not read again, since a device waits meanwhile."""
+    """Return the track of a file.
+
+    The file read last is not read again if it has not changed, since a device waits meanwhile.
+    """
     try:
         seen = path.stat()
         key = (str(path), seen.st_mtime_ns, seen.st_size)
     except OSError:
-        return export.read(path)  # which raises the error
+        return export.read(path)  # raises the error
     if not _read or _read[0][0] != key:
-        _read.clear()  # the old one goes before the new one comes
+        _read.clear()  # frees the memory of the old track before the new one is read
         _read.append((key, export.read(path)))
     return _read[0][1]

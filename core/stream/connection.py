@@ -69,7 +69,9 @@ class Connection:
             self._refused = self.adapter.refused
 
     def poll(self, now: float) -> bool:
-        """Send the protocol's own messages; return whether the device has been recognised.
+        """Send the protocol's own messages.
+
+        Returns whether the device has been recognised.
 
         Raises:
             DermisError: the device cannot be used, or has not answered.

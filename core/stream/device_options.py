@@ -15,9 +15,12 @@ from .request import StreamRequest
 
 
 def request_from(options: argparse.Namespace, key: str, **more: Any) -> StreamRequest:
-    """Return the request that the options make for a device preset; `more` are other fields of it.
+    """Return the request that the options make for a device preset.
 
     Prints notices about the calibration, such as its age.
+
+    Args:
+        options: options of the command. key: key of the device preset. more: other fields of the request.
 
     Raises:
         DermisError: the preset or the calibration cannot be read.

@@ -1,4 +1,4 @@
-"""MouseTouch: a window that stands for the screen; the pressed mouse is the finger."""
+"""MouseTouch: a window in place of the screen, a mouse for the finger."""
 
 from __future__ import annotations
 

@@ -50,7 +50,10 @@ class OutputLimiter:
 
     @property
     def limited(self) -> Counter[str]:
-        """How many values 'range', 'disc', 'slew' or 'not_finite' changed, per 'channel.kind'."""
+        """How many values the limits changed, by 'channel.kind'.
+
+        The kinds are 'range', 'disc', 'slew' and 'not_finite'.
+        """
         names = self.wire.names
         return Counter(
             {

@@ -33,7 +33,11 @@ NO_ADDRESS = "Check the network's name and password (2.4 GHz alone), and pair ag
 
 
 class Paired(NamedTuple):
-    """A paired board: its name, and its address in the network, '' while it has none."""
+    """A paired board.
+
+    Attributes:
+        board: its name. address: its address in the network, '' while it has none.
+    """
 
     board: str
     address: str

@@ -1,7 +1,7 @@
-"""The ramp to the safe state, for a board that does not go there by itself.
+"""The ramp to the safe state, for boards that do not go there alone.
 
-The sender drives the board there at the declared speed, however long that takes. Only a device declared `at_once`, such
-as a screen, goes there in one step.
+The sender drives the board there at the declared speed, however long that takes. Only a device that is declared
+`at_once`, such as a screen, goes there in one step.
 """
 
 from __future__ import annotations

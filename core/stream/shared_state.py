@@ -62,7 +62,9 @@ class SharedState:
 
     @classmethod
     def create(cls) -> SharedState:
-        """Make a state that only this user may read, in memory where the system has a place for that.
+        """Make a state that only this user may read.
+
+        It lies in memory if the system has a place for that.
 
         Raises:
             DermisError: there is no room.

@@ -37,7 +37,7 @@ class Streamer:
     Args:
         open_link: opens a URL for a device and a protocol; may raise DermisError.
         load_screen: reads a screen map for the mode 'panel'.
-        clock: read again just before a command leaves, see `Outbox`; None where time is simulated.
+        clock: read again just before a command leaves, see `Outbox`; None if time is simulated.
 
     Attributes:
         request: the latest request. counters: how often on this link, over all its attempts to connect, commands were
@@ -165,7 +165,10 @@ class Streamer:
         return {name: count for name, count in sorted(counted.items()) if count}
 
     def status(self) -> dict[str, Any]:
-        """Return the status as plain JSON values: state, message, counters, and driven values."""
+        """Return the status as plain JSON values.
+
+        They include the state, the message, the counters and the driven values.
+        """
         drive, message = self.drive, self.message
         going = drive.going if drive is not None else ""
         return {

@@ -1,4 +1,4 @@
-"""`python -m core stream panel`: a screen that answers a real finger, without Blender."""
+"""`stream panel`: a screen that answers a real finger, without Blender."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ class TouchPanelSession(LocalStream):
         )
 
     def follow(self) -> None:
-        """Arm, and answer touches until a signal ends it, or until no more will come.
+        """Arm, and answer touches until a signal or the end of the touches.
 
         Raises:
             DermisError: the device is not armed any more, or the source of touches failed.

@@ -78,7 +78,7 @@ class PanelSource:
         self._lift()
 
     def report(self, time: float, playing: bool, now: float) -> None:
-        """Take Blender's state at this moment: track time [s] and whether it plays."""
+        """Take Blender's state now: track time [s] and whether it plays."""
         if self.clock is None:
             self.clock = TrackClock()
         self.clock.report(time, playing, now)

@@ -25,7 +25,7 @@ class TrackClock:
         self._shown, self._seen = 0.0, 0.0  # the last frame's track time, and the moment when it came [s]
 
     def report(self, time: float, playing: bool, now: float) -> None:
-        """Take Blender's state at this moment: track time [s] and whether it plays."""
+        """Take Blender's state now: track time [s] and whether it plays."""
         if not playing:
             self.running, self._at, self._when, self._shown, self._seen = False, time, now, time, now
             return

@@ -105,7 +105,7 @@ class TrackSource:
         return self.clock.running
 
     def report(self, time: float, playing: bool, now: float) -> None:
-        """Take Blender's state at this moment: track time [s] and whether it plays."""
+        """Take Blender's state now: track time [s] and whether it plays."""
         self.clock.report(time, playing, now)
 
     def values_at(self, moment: float, now: float) -> Array:

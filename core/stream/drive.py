@@ -6,8 +6,8 @@ stall or a fault no samples are sent until a person arms again.
 
 The sender watches its own silence. If nothing has left for longer than the board's declared silence, for example
 because the computer was suspended, the board may have moved by itself. The stream then ends. The way to the safe state
-begins at the pose that the board's declaration names. If it names none, nothing is sent, except to a device that goes
-to its safe state by itself or at once.
+begins at the pose that the board's declaration names. If it names none, nothing is sent, except to a device that has an
+order for its safe state or is safe at once.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ class Drive:
     Attributes:
         request: Blender's latest request. phase: the current task. message: the last error, or the awaited event.
         leaving: the link is to be closed, after the way to the safe state. drained: the link can be closed now.
-        driven: this link has sent the device a command, so the device should be at the limiter's last values.
+        driven: this link has sent the device a command, so the device should be at the limiter's last values; False
+            again once its pose is no longer known.
     """
 
     def __init__(self, connection: Connection, request: StreamRequest, counters: Counter[str], message: str) -> None:
@@ -82,7 +83,7 @@ class Drive:
         if not adapter.ready or self.leaving:
             self.message = "not connected, so nothing was armed"
         elif self.phase is Phase.LIVE:
-            pass  # It is armed already. To arm it again would begin at the pose last reported, which may be an old one.
+            pass  # It is armed already. To arm it again could begin at an old reported pose, and lead it back there.
         elif self.phase is Phase.SAFING:
             self.message = "not armed before the safe state is reached; arm again then"
         elif self.output.source is None:
@@ -96,7 +97,7 @@ class Drive:
     def stop(self, now: float, message: str) -> None:
         """Go to the safe state.
 
-        A device that goes there by itself is told to go even if it is not armed.
+        A device whose protocol has an order for the safe state gets the order even if it is not armed.
         """
         adapter = self.connection.adapter
         if self.armed:
@@ -112,9 +113,9 @@ class Drive:
             self._to_safe(now)
 
     def leave(self, now: float, message: str) -> None:
-        """Begin to end the link, after the way to the safe state.
+        """Begin to end the link: go to the safe state, then drain the link.
 
-        The waiting messages leave after that, and then `drained` says that the link can be closed.
+        `drained` then says that the link can be closed.
         """
         self.leaving = True
         self.give_up(now, message)
@@ -336,8 +337,9 @@ class Drive:
     def _to_safe(self, now: float) -> None:
         """Begin the way to the safe state.
 
-        A device that goes there by itself is told to go. A device that was still arming gets only the protocol's last
-        messages. Any other device is led there by a ramp; if the sender was silent, `_after_silence` decides.
+        A device whose protocol has an order for the safe state gets the order. A device that was still arming gets only
+        the protocol's last messages. Any other device is led there by a ramp; if the sender was silent,
+        `_after_silence` decides.
         """
         adapter = self.connection.adapter
         live, self.phase = self.phase is Phase.LIVE, Phase.SAFING
@@ -415,10 +417,11 @@ class Drive:
         A way to the safe state goes on if the device stays at its last command in silence or is safe at once, if the
         order to go there still waits for room, or if the ramp has reached its end. In all other cases:
 
-        - A device that goes to its safe state by itself is told to go.
-        - A device that stops or keeps its last command is led there from its last command. A device that is safe at
+        - A device whose protocol has an order for the safe state gets the order.
+        - A device that stops, or keeps its last command, is led there from its last command. A device that is safe at
           once gets its safe values.
-        - A device that retracts is taken to be at its safe pose, and gets no command before its own way must be over.
+        - A device that retracts in silence is taken to be at its safe pose. It gets no command before its own way there
+          must be over.
         - The pose of any other device is not known, so nothing is sent to it.
 
         Raises:

@@ -27,9 +27,9 @@ class OutputLimiter:
 
     Every value that a limit changes is counted; values that the slew limit changes during a blend are not.
 
-    While the computer sleeps nobody moves the device, so neither slew nor blend may use that time. A step therefore
-    counts as at most `PERIODS` planned periods: a late command makes a movement longer, and its step no larger than
-    that.
+    While the computer sleeps nobody moves the device, so neither slew nor blend may use that time. Every step therefore
+    counts as a limited time, see `PERIODS` and `SLOWEST`. A late command makes a movement longer, and its step no
+    larger than that time allows.
 
     Args:
         period: planned time between commands [s]; without it that of the device's rate.

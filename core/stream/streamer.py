@@ -227,8 +227,8 @@ class Streamer:
     def _guarded(self, now: float, work: Callable[[], None]) -> None:
         """Work with the link; end it if it is lost or the work fails.
 
-        A lost link is closed at once. After any other error the device goes to its safe state first. The message says
-        why the link ends.
+        A lost link is closed at once. After any other DermisError the device goes to its safe state first. The message
+        says why the link ends.
         """
         try:
             work()

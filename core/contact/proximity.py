@@ -5,8 +5,8 @@ body is out of reach, and the measurement is left out. There are two bounds:
 
 1. The distance to the body's bounding box, in the body's own axes.
 2. The last measured gap, less the largest distance that any point of the body has moved since, seen from the finger.
-   For a body that keeps its shape, the largest movement of any point of the finger, seen from the body, may be smaller;
-   the smaller of the two counts.
+   For a body that keeps its shape, the largest movement of any point of the finger, seen from the body, may be smaller.
+   Then this smaller movement is subtracted.
 
 The points of the skin are divided into groups, and each group has bounds of its own. Skin bulges beside a contact and
 not elsewhere, so the reach of a group may be larger or smaller than that of others.
@@ -98,7 +98,7 @@ class Proximity:
         """Return the bodies whose bounding boxes are within reach of any group at a sample.
 
         Args:
-            poses: poses in the chunk of the bodies that come near, by the bodies' indices.
+            poses: poses of the nearby bodies at the samples of the chunk, by the bodies' indices.
             boxes: bounding boxes of the same bodies, see `_boxes_apart`.
             i: index of the sample in the chunk.
             reach: reach of each group [m], shape (g,).
@@ -111,8 +111,9 @@ class Proximity:
     def _boxes_apart(self, poses: Sequence[RelativePoses], boxes: Sequence[Array]) -> Array:
         """Return a lower bound of the distance between each group and each body's box [m], shape (B, n, g).
 
-        A group is replaced by its bounding box in the finger's axes. The bound is the largest distance between the two
-        boxes along a face normal of the body's box. It is negative where they overlap, and -inf for a body of scale 0.
+        A group is replaced by its bounding box in the finger's axes. Along each face normal of the body's box, the
+        distance between the two boxes is a lower bound; the largest of these is returned. It is negative where the
+        boxes overlap along all of these normals, and -inf for a body of scale 0.
 
         Args:
             poses: poses of the bodies.
@@ -137,7 +138,7 @@ class Proximity:
         Args:
             b: index of the body.
             i: index of the sample in the chunk.
-            poses: poses in the chunk of the bodies that come near, by the bodies' indices.
+            poses: poses of the nearby bodies at the samples of the chunk, by the bodies' indices.
             mesh: mesh of body `b` at the sample.
         """
         if poses is not self._chunk:
@@ -163,7 +164,7 @@ class Proximity:
         Args:
             b: index of the body.
             i: index of the sample in the chunk.
-            poses: poses in the chunk of the bodies that come near, by the bodies' indices.
+            poses: poses of the nearby bodies at the samples of the chunk, by the bodies' indices.
             mesh: mesh of body `b` at the sample.
             body: the same body, posed in the finger's frame.
         """
@@ -222,7 +223,7 @@ def _length(vectors: Array) -> Array:
 def _size(linear: Array) -> Array:
     """Return the Frobenius norm of linear maps, an upper bound of their spectral norm.
 
-    Of the difference between two rotations it is the spectral norm times the square root of two.
+    For the difference between two rotations, it is the spectral norm times the square root of two.
     """
     return np.asarray(np.sqrt((linear * linear).sum(axis=(-2, -1))))
 

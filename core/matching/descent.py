@@ -1,8 +1,9 @@
 """Gauss-Newton search for a thimble's pose while no servo limit is active.
 
 The steps are those of `gauss_newton.minimise` without constraints. One search takes a few tenths of a millisecond. At
-that speed NumPy's overhead for arrays of three elements exceeds the cost of their arithmetic, so the normal equations
-are a 4 x 4 matrix of Python floats. If a trial point violates a limit, `minimise` continues from the current point.
+that speed NumPy's overhead for arrays of three elements exceeds the cost of their arithmetic. The normal equations of
+the three unknowns, bordered by the residual, are therefore a 4 x 4 matrix of Python floats, see `_gram`. If a trial
+point violates a limit, `minimise` continues from the current point.
 
 Source: [S0] 5.2, without active constraints
 """
@@ -54,7 +55,7 @@ def descend(
 ) -> Minimum:
     """Find the configuration whose stimulus is nearest to a target.
 
-    Other devices than a thimble are passed to `descend_in_box`, without `foreseen` and `follows`.
+    For a device other than a thimble, `descend_in_box` does the search, without `foreseen` and `follows`.
 
     Args:
         evaluate: function that returns the stimulus, shape (k,), and its derivative, shape (k, n), of a configuration.
@@ -65,8 +66,9 @@ def descend(
         reach: `Minimum.reach` of an earlier search for a similar target.
         foreseen: share of the cost. A step that promises no larger reduction is accepted without an evaluation of the
             model. The search ends there, with the stimulus and the cost that the linearised model predicts.
-        follows: whether the next frame is searched from this result. Every step after the first must then promise a
-            larger reduction of the cost (`LATER`), because the first step of the next search makes up for it.
+        follows: whether the next frame is searched from this result. Then every step after the first is tried only if
+            it promises to lower the cost by more than the share `LATER`, instead of the smaller `HARDLY`. The first
+            step of the next search makes up for the steps left out.
 
     Raises:
         DermisError: the start is outside the limits.
@@ -183,8 +185,8 @@ def response(jacobian: Array, before: Array, target: Array, device: DiscDevice) 
         device: the device, for the scale of a configuration's values.
 
     Returns:
-        Change of the configuration, shape (n,). It is zero if the step is longer than `LONGEST`, for the linearisation
-        does not hold so far.
+        Change of the configuration, shape (n,). It is zero if the step is longer than `LONGEST`: the linearisation does
+        not hold over such a step.
     """
     scale = scale_of(device)
     if isinstance(device, Thimble):

@@ -3,8 +3,10 @@
 A new contact has no friction history, so the search starts from several poses. A touch begins weakly, and many poses
 render its first instant equally well. From then on friction keeps the disc near the pose in which it began. For a weak
 touch, each candidate is therefore judged by a second search: its target is the same stimulus scaled up to a stronger
-touch, and its friction state is the one that the candidate leaves. The candidate with the least residual is chosen. Of
-two candidates that differ little, the one whose start promised more is chosen.
+touch, and its friction state is the one that the candidate leaves. The candidate with the least residual is chosen,
+but a later candidate replaces an earlier one only if it lowers the cost by more than `FIRST_GAIN`. The best match of
+the weak touch among the first `FIRST_STARTS` starts is the first candidate. The others follow in the order of their
+starts' promise.
 
 Source: [S0] 5.1 for the search of a frame. The second search is this project's own.
 """
@@ -22,7 +24,8 @@ FIRST_STARTS = 4  # starts of the search if the touch is not weak
 FIRST_GAIN = 0.1  # a later start replaces an earlier one only if it lowers the cost by more than this share
 SIDES = 8  # starts of the search if the touch is weak
 AHEAD = 0.3  # norm of the stronger target, relative to the median norm of the stimuli in the warm-start table
-FAINT = 1.5  # a touch is weak if the norm of the stronger target is at least this many times that of its own
+# A touch is weak if the stronger target's norm is at least this many times the norm of the touch's target.
+FAINT = 1.5
 # Two poses count as the same if no value differs by more than this [rad]. Lengths are divided by the platform's radius.
 ALIKE = np.radians(0.5)
 
@@ -39,9 +42,9 @@ def best_side(
         starts: configurations to start from, shape (n,) each, the most promising first.
         search: function that returns the minimum found from a configuration.
         scale: scale of a configuration's values, see `disc_device.scale_of`, shape (n,).
-        left_of: function that returns the cost of a stronger target if contact began at a minimum. With it, the
-            distinct minima of all starts are compared by this cost. Without it (None), the minima of the first
-            `FIRST_STARTS` starts are compared by their own cost.
+        left_of: function that takes a minimum and returns the residual cost for a stronger target if contact begins at
+            this minimum. With it, the distinct minima of all starts are compared by this cost. If it is None, the
+            minima of the first `FIRST_STARTS` starts are compared by their own cost.
     """
     found = [search(start) for start in starts]
     first = found[:FIRST_STARTS]
@@ -56,7 +59,10 @@ def best_side(
 
 
 def _least(sides: list[Minimum], costs: list[float]) -> Minimum:
-    """Return the minimum of least cost; a later one must be better than those before it by `FIRST_GAIN`."""
+    """Return the minimum of least cost.
+
+    A later minimum replaces an earlier one only if it lowers the cost by more than the share `FIRST_GAIN`.
+    """
     best, least = sides[0], costs[0]
     for side, cost in zip(sides[1:], costs[1:], strict=True):
         if cost < (1.0 - FIRST_GAIN) * least:

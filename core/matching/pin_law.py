@@ -2,10 +2,10 @@
 
 Forces f displace such skin by G f - c. G is the compliance of linear skin, and the correction c is the difference
 between the linear and the nonlinear displacement. A frame is solved by a lagged correction: c is held constant while
-the pin forces x are computed on linear skin, whose target is then the displacement of the virtual touch plus c. The law
-is evaluated for these forces and gives the next c. Both steps alternate until the residual of the law is small. A frame
-starts from the c that linear extrapolation of the last two frames predicts, so on smooth paths one evaluation of the
-law is enough.
+the pin forces x are computed on linear skin. The target of this computation is the displacement of the virtual touch
+plus c. The law is evaluated for these forces and gives the next c. Both steps alternate until the residual of the law
+is small. A frame starts from the c that linear extrapolation of the last two frames predicts, so on smooth paths one
+evaluation of the law is enough.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..skin.law_tables import LawTables
 from ..skin.model import SkinModel
 from ..skin.stimulus import Stimulus
 
-MOST_LOOKS = 12  # evaluations of the law in one frame
+MOST_LOOKS = 12  # largest number of evaluations of the law in one frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class PinLaw:
         return LawSkin(self.tables, self.modulus)
 
     def moved_by(self, force: Array, amounts: Array | None = None) -> Floats32:
-        """Return the displacement by the law of the free nodes [m], shape (3 free,).
+        """Return the displacement of the free nodes by the law [m], shape (3 free,).
 
         Args:
             force: forces on the pad nodes [N], shape (3 m,).
@@ -108,7 +108,7 @@ class PinLaw:
         skin, and `law` returns to rest.
 
         Args:
-            law: law of the skin; it takes up the state of this frame.
+            law: law of the skin; it ends in the state of this frame.
             before: state of the law at the previous frame.
             forces: function that returns the pin forces x [N], shape (pins,), for a correction c [m], shape (3 free,).
         """

@@ -4,8 +4,8 @@ On each frame the friction state is fixed, the pose is searched for, and then th
 pose fixed (staggering). The search starts from a predicted pose: the Jacobian of the last search gives the step that
 compensates for the change of the target. At a new contact it starts from the most promising entries of a small table of
 poses. If the touch is still faint, each result is tested with a stronger copy of the target, and the result with the
-smallest residual in this test is kept. In later frames of a touch, a second search starts
-from an entry of the table if it predicts a better match.
+smallest residual in this test is kept. In later frames of a touch, a second search starts from an entry of the table if
+that entry predicts a better match.
 
 Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 """
@@ -129,7 +129,8 @@ class StressMatcher:
         follows_law: whether the nonlinear law of a skin is used, if it has one.
 
     Raises:
-        DermisError: the servo limits exclude first contact, or model and observation matrix have different components.
+        DermisError: the servo limits exclude first contact, or model and observation have different numbers of
+            components.
     """
 
     follows_law = True
@@ -178,7 +179,7 @@ class StressMatcher:
         self.angles = self._angles(self.x)
         self.state = FrictionState.rest(self.contact.count)
         self._pressed = False
-        self._told: tuple[Array, Array] | None = None  # target of the last search, and the slope it ended with
+        self._told: tuple[Array, Array] | None = None  # target of the last search, and the Jacobian at its end
         self._wait, self._patience = 0, 1
         self._goal: Array | None = None  # a better minimum that the servos do not reach within one frame
         self._reach = 1.0  # accepted share of a full step, in the last search
@@ -361,7 +362,7 @@ class StressMatcher:
         """Return a predicted start: the Jacobian of the last search compensates for the change of the target.
 
         To first order the residual there equals that at the end of the last search. So the first evaluation is close to
-        the solution, and mostly the same points slip as in the solution.
+        the solution, and most points that slip in the solution already slip there.
         """
         if self._told is None:
             return self.x

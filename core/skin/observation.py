@@ -1,4 +1,4 @@
-"""Observation: quantities by which two touches are compared: stress, electrodes or total force.
+"""Observation: stress, electrodes or total force, by which touches are compared.
 
 On linear skin, an observation is a matrix applied to the contact forces. On neo-Hookean skin, the matrix gives the
 values of linear skin for the same forces, and the law gives the difference. For stress, the field is projected onto the
@@ -22,7 +22,7 @@ from .stress import StressOperator
 if TYPE_CHECKING:
     from .model import SkinModel
 
-# Eigenvalues of the stress of unit forces below this share of the largest are rounding of single precision.
+# Share of the largest eigenvalue of the stress of unit forces; smaller eigenvalues are rounding of single precision.
 ROUNDING = 1e-6
 
 
@@ -86,17 +86,26 @@ class Observer:
 
 
 def skin_key(skin: SkinModel) -> str:
-    """Return the key of a skin with its tissue model; E and alpha do not count."""
+    """Return the key of a skin with its tissue model; the key does not depend on E and alpha."""
     return cache_key(skin.key, "law") if skin.follows_law else skin.key
 
 
 def touch_of(skin: SkinModel, force: Array, amounts: Array | None = None) -> Stimulus:
-    """Return the stimulus of forces on the pad nodes [N], shape (m, 3) or (3 m,); `amounts` as `Stimulus.given`."""
+    """Return the stimulus of forces on the pad nodes.
+
+    Args:
+        skin: model of the skin.
+        force: forces [N], shape (m, 3) or (3 m,).
+        amounts: see `Stimulus.given`; None computes it from the forces.
+    """
     return Stimulus(skin, np.asarray(force, np.float64).reshape(-1, 3), None, amounts)
 
 
 def stress_vector(felt: Stimulus) -> Array:
-    """Return the weighted stress of every element, whose norm is the volume-weighted L2 norm [Pa m^1.5], (6 e,)."""
+    """Return the weighted stress of all elements [Pa m^1.5], shape (6 e,).
+
+    Its norm is the volume-weighted L2 norm of the stress.
+    """
     return np.asarray((felt.stress * felt.skin.operator.weights).ravel())
 
 
@@ -116,8 +125,9 @@ def stress_error(target: Stimulus, made: Stimulus) -> float:
 def _stress_reader(skin: SkinModel, matrix: Array) -> Floats32:
     """Return the matrix D from stress to channels, shape (c, 6 e).
 
-    If s is the stress [Pa] of forces f on linear skin, D s = W f. For other stress fields it is the least-squares
-    projection: with the map S from forces to weighted stress, D = W (S'S)^-1 S' on weighted stress.
+    If s is the stress [Pa] of forces f on linear skin, D s = W f, where W is `matrix`. Any other stress field is first
+    projected, by least squares, onto such fields: with the map S from forces to weighted stress, D = W (S'S)^-1 S' on
+    weighted stress.
     """
     return _readers.make((skin.key, matrix.tobytes()), lambda: _made_reader(skin, matrix))
 

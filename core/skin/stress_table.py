@@ -25,8 +25,8 @@ Floats = NDArray[np.floating[Any]]
 class StressTable:
     """Stress below a smooth pad, for forces on its cells.
 
-    It agrees with `SurfaceCompliance.beneath` within 1 % of the largest stress, and 3 % under an edge, and takes a
-    twentieth of the time. It does not depend on E.
+    The stress differs from that of `SurfaceCompliance.beneath` by up to 1 % of the largest stress, under an edge by up
+    to 3 %. It takes a twentieth of the time. The table does not depend on E.
 
     Args:
         surface: the smooth pad.
@@ -47,7 +47,7 @@ class StressTable:
         self._reach = NEAR * float(self._sides[surface.chart.base].max())
 
     def unknown(self, cells: Indices) -> list[int]:
-        """Return the cells of level 0, of loaded cells, whose tables are not known yet."""
+        """Return the cells of level 0 that contain loaded cells and whose tables are not known yet."""
         parts, _ = self._surface.chart.tiles.squares(cells)
         roots = np.unique(self._surface.chart.tiles.root[parts])
         return [root for root in roots.tolist() if root not in self._known]
@@ -64,7 +64,7 @@ class StressTable:
 
         Args:
             cells: indices of the cells that carry force, none within another, shape (j,).
-            force: forces on them [N], shape (j, 3).
+            force: forces on these cells [N], shape (j, 3).
             which: indices of the points, shape (k,); None for all.
         """
         surface, chart = self._surface, self._surface.chart
@@ -94,7 +94,7 @@ class StressTable:
     def _refine(
         self, out: Array, which: Indices, roots: Indices, total: Array, parts: Indices, at: Indices, force: Array
     ) -> None:
-        """Replace the stress of divided cells at near points by that of their parts, in place."""
+        """Replace, in place, the stress of divided cells at near points by the stress of their parts."""
         cut = np.unique(at)
         middles = self._surface.cells.positions[roots[cut]]
         apart = self._feet[which][:, None] - middles
@@ -120,7 +120,9 @@ class StressTable:
             self._known.update(zip(some, rows.reshape(len(some), 3, -1), strict=True))
 
     def _sum(self, probe: Indices, cells: Indices, force: Array, row: Indices, count: int) -> Array:
-        """Return the stress of pairs of a point and a cell, summed by rows; large near cells are divided.
+        """Sum the stress of pairs of a point and a cell by rows.
+
+        Large cells near a point are divided.
 
         Args:
             probe, cells: indices of point and cell of each pair, shape (n,) each.
@@ -167,12 +169,14 @@ def _added(
     count: int,
     poisson: float,
 ) -> Array:
-    """Return the stress of point forces on a half-space by Boussinesq and Cerruti, summed by rows, shape (count, 6).
+    """Sum the stress of point forces on a half-space by rows, shape (count, 6).
+
+    The stress is that of Boussinesq and Cerruti, [Pa].
 
     Args:
         frames: axes of the tangent plane at the foot of each point, shape (k, 3, 3).
         chord: vectors from the forces to the feet of the points [m], shape (n, 3).
-        apart: their lengths [m], shape (n,).
+        apart: distances of the feet from the forces [m], shape (n,).
         depth: depths of the points [m], shape (n,).
         force: forces [N], shape (n, 3).
         probe: index of the point of each pair, shape (n,).

@@ -1,1 +1,1 @@
-"""One touch, every device: the presets that fit it, their renderings, and the report."""
+"""Comparisons: one touch by all devices, touches with each other, and commands with earlier ones."""

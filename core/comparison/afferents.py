@@ -1,9 +1,10 @@
-"""Afferents: the response of a fingertip to a touch, as numbers whose differences count in units of their noise.
+"""Afferents: response of a fingertip to a touch, and its noise.
 
-Two kinds resolve where something touches, slowly (SA I) and fast adapting (FA I) ones. Here an SA I afferent reads how
-much its place is strained, an FA I afferent how much that changes, in frames of a quarter second; all are as noisy.
-How noisy is set by people: of a flat press of 1 N and one of 7 % more, all of them together are right with d' = 1.
-The constants were fixed before any touch was told from another with them, and not changed since.
+Two kinds of afferents resolve where something touches: slowly adapting (SA I) and fast adapting (FA I) ones. Here time
+is divided into frames of a quarter second. In each frame an SA I afferent reads the mean strain at its place, and an
+FA I afferent reads how much the strain changes. All afferents have the same noise. It is calibrated by human force
+discrimination: between a flat press of 1 N and one of 7 % more, all afferents together have d' = 1. The constants were
+fixed before the model was first used to compare touches, and have not been changed since.
 """
 
 from __future__ import annotations
@@ -24,18 +25,21 @@ from ..surface.gap import Surface
 # Afferents on a fingertip [1/m^2]. Source: Johansson and Vallbo 1979, J. Physiol. 286: 241 a cm^2, of which 70 are SA I
 # and 141 FA I (RA); the other 30 (SA II, PC) have wide fields, and are left out
 SA1_DENSITY, FA1_DENSITY = 70e4, 141e4
-# Where they read, see `skin.stress`: SA1's and RA's depth [m]
+# [m] Depths at which SA I and FA I (RA) afferents read, see `skin.stress`
 SA1_DEPTH, FA1_DEPTH = RECEPTOR_DEPTHS[:2]
-# Over what an afferent's impulses are counted [s]; chosen: touches here last some seconds, and nobody knows better
+# [s] Time over which the impulses of an afferent are counted. It is chosen, not measured: touches here last some
+# seconds, and no better value is known.
 FRAME = 0.25
-# Force discrimination, JND of 7 %. Source: Pang, Tan and Durlach 1991 (of an actively squeezed force)
+# JND: just noticeable difference of a force, 7 % of it. REFERENCE_FORCE [N]: force at which the noise is calibrated.
+# Source: Pang, Tan and Durlach 1991 (of an actively squeezed force)
 JND, REFERENCE_FORCE = 0.07, 1.0
-HELD = 1.0  # for how long those two presses are felt, pressed within the first frame [s]
-# That both kinds' noise is one, and does not grow with their response: SA1 and RA afferents repeat their impulses to
-# within 1 a trial, whatever their number. Source: Vega-Bermudez and Johnson 1999, J. Neurophysiol. 81
-# How many impulses a change gives an FA I afferent, over those that a frame as strong gives an SA I; assumed
+HELD = 1.0  # [s] duration of the two calibration presses; the skin is pressed in during the first frame
+# Both kinds have the same noise, and it does not grow with the response: in each trial SA1 and RA afferents repeat the
+# number of their impulses to within 1, however large it is. Source: Vega-Bermudez and Johnson 1999, J. Neurophysiol. 81
+# FAST_OVER_SLOW: impulses of an FA I afferent in a frame in which the strain changes by some amount, relative to those
+# of an SA I afferent in a frame with this amount as mean strain; assumed
 FAST_OVER_SLOW = 1.0
-CLOSE = 1e-3  # of the reference force, to which its depth is found
+CLOSE = 1e-3  # tolerance of the force of a calibration press, as a share of the reference force
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +47,9 @@ class Afferents:
     """The afferents of a skin.
 
     Attributes:
-        skin: the model. slow, fast: which of its probes each kind reads, shapes (s,), (f,).
-        slow_count, fast_count: how many afferents stand for each of those, shapes (s,), (f,).
+        skin: model of the skin.
+        slow, fast: indices of the probes that SA I and FA I afferents read, shapes (s,) and (f,).
+        slow_count, fast_count: number of afferents at each of these probes, shapes (s,) and (f,).
         noise: standard deviation of the strain that one afferent reads in one frame [Pa].
     """
 
@@ -57,10 +62,10 @@ class Afferents:
 
     @classmethod
     def of(cls, skin: SkinModel) -> Afferents:
-        """Return the afferents of a skin, as noisy as people's force discrimination says.
+        """Return the afferents of a skin, with noise calibrated by human force discrimination.
 
         Raises:
-            DermisError: no force of 1 N can be pressed into the pad.
+            DermisError: no flat press with the force of a calibration press was found.
         """
         probes = skin.probes
         slow, fast = (np.flatnonzero(probes.depth == depth) for depth in (SA1_DEPTH, FA1_DEPTH))
@@ -73,19 +78,20 @@ class Afferents:
         return cls(skin, slow, fast, *counts, float(apart))
 
     def strain(self, states: Sequence[Stimulus]) -> Array:
-        """Return how much every probe is strained at some moments, as a stress [Pa], shape (n, probes).
+        """Return the strain at every probe for some states, as a stress [Pa], shape (n, probes).
 
-        That is sqrt(2 E U) of the strain energy density U, which SA1 afferents follow. Source: Dandekar, Raju and
-        Srinivasan 2003, J. Biomech. Eng. 125.
+        It is sqrt(2 E U), with Young's modulus E and the strain energy density U, which SA1 afferents follow.
+        Source: Dandekar, Raju and Srinivasan 2003, J. Biomech. Eng. 125.
         """
         material = self.skin.material
         energy = np.array([stored(state.probe_stress, material) for state in states])
         return np.asarray(np.sqrt(2.0 * material.modulus * np.maximum(energy, 0.0)))
 
     def read(self, strain: Array) -> Array:
-        """Return the response of all afferents, each counted as often as it occurs, shape (frames, slow + fast) [Pa].
+        """Return the response of all afferents [Pa], shape (frames, slow + fast).
 
-        The distance between two readings over `noise` is how far an ideal observer tells them apart, d'.
+        The response at a probe is multiplied by the square root of the number of its afferents. The d' of an ideal
+        observer is therefore the Euclidean distance between two responses, divided by `noise`.
 
         Args:
             strain: strain at the probes [Pa] at the ends and middles of the frames, shape (2 frames + 1, probes).
@@ -104,13 +110,17 @@ class Afferents:
 
 
 def moments(duration: float) -> Array:
-    """Return the ends and middles of the frames that a touch lasts [s], shape (2 frames + 1,)."""
+    """Return the ends and middles of the frames that cover a touch [s], shape (2 frames + 1,).
+
+    Args:
+        duration: duration of the touch [s].
+    """
     frames = max(int(np.ceil(duration / FRAME - 1e-9)), 1)
     return 0.5 * FRAME * np.arange(2 * frames + 1, dtype=np.float64)
 
 
 def _held(skin: SkinModel, shares: Sequence[float]) -> list[Stimulus]:
-    """Return a skin pressed flat with shares of the reference force."""
+    """Return the stimuli of flat presses on a skin, with shares of the reference force."""
     plate = Surface.block(0.1, 0.1)
     depths, forces, found = [0.0], [0.0], []
     depth = 1e-3
@@ -122,7 +132,7 @@ def _held(skin: SkinModel, shares: Sequence[float]) -> list[Stimulus]:
             forces.append(made.normal_force)
             if abs(made.normal_force - wanted) <= CLOSE * REFERENCE_FORCE:
                 break
-            # force over depth is nearly a power: the next by the secant of logarithms
+            # The force is nearly a power of the depth, so the secant method is applied to the logarithms.
             power = 1.5
             if len(depths) > 2 and depths[-2] != depths[-1] and forces[-2] != forces[-1]:
                 power = float(np.clip(np.log(forces[-1] / forces[-2]) / np.log(depths[-1] / depths[-2]), 0.5, 4.0))

@@ -1,4 +1,7 @@
-"""One touch of one finger goes through every device preset that fits, and each is judged by its own measures."""
+"""Comparison of devices: one finger's touch rendered by every device preset that fits.
+
+Each device is judged by its own measures, see `measures`.
+"""
 
 from __future__ import annotations
 
@@ -30,15 +33,16 @@ SEARCHED = ("thimble", "hexapod")  # kinds of devices with a floor
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One device.
+    """Result for one device.
 
     Attributes:
-        device, title, kind: the preset's key, its name for people, its kind.
+        device, title, kind: key, name and kind of the device preset.
         judged: comparison of the target with the rendered touch.
         method: name of the matching method; '' if the device has only one.
-        clipped: share of the samples that a limit of the device changed, of the channel that it changed most.
+        clipped: share of the samples that a limit changed, for the channel that was changed most; or the share at which
+            the matching method was at a limit, if that is larger.
         findings: findings of the rendering and of the track's check.
-        floor: how good any pose of the device could be, where that was asked for.
+        floor: least error of any pose of the device; None if it was not requested or does not exist.
     """
 
     device: str
@@ -53,12 +57,16 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What every device makes of one touch.
+    """Results of all devices for one touch.
 
     Attributes:
-        scene, finger: names. duration: of the touch's scene [s]. content_hash: of the rendering.
-        rows: devices, the least off in its main measure first among those of one measure. skipped: and why.
-        findings: warnings about the touch, and about the skin that all devices are matched on.
+        scene, finger: names of the scene and the finger.
+        duration: duration of the scene [s].
+        content_hash: content hash of the rendering.
+        rows: results of the devices. Devices judged by stress come first; within each group, the error of the main
+            measure rises.
+        skipped: devices that were left out, with the reasons.
+        findings: warnings about the touch and about the skin for which all devices are matched.
     """
 
     scene: str
@@ -73,15 +81,17 @@ class Comparison:
 def compare_devices(
     scene: TactileScene, library: Library, finger: str | int = 0, *, cache: Cache | None = None, floors: bool = False
 ) -> Generator[Progress, None, Comparison]:
-    """Send a finger's touch through every device preset that fits; yield progress, return a `Comparison`.
+    """Render a finger's touch with every device preset that fits, and judge the results.
+
+    Progress is yielded, and a `Comparison` is returned.
 
     Args:
-        finger: its name or number.
-        cache: where skins and tables are kept.
-        floors: also find how good any pose of a device could be; minutes for a long touch.
+        finger: name or index of the finger.
+        cache: cache of skins and tables.
+        floors: whether to find the least error of any pose of each device. For a long touch this takes minutes.
 
     Raises:
-        DermisError: no such finger, a scene that cannot be rendered, or no device that fits.
+        DermisError: there is no such finger, the scene cannot be rendered, or no device fits.
     """
     number = finger_index(scene, finger)
     name = scene.fingers[number].name
@@ -128,11 +138,11 @@ def floor_in(
 ) -> Generator[Progress, None, Floor | None]:
     """Find the floor of a device for a touch, see `matching.floor`; yield progress.
 
-    Return None for a device that is not matched by a search for its pose. Six legs with a look-up table have the same
-    floor as six legs that are searched, so it is computed for these as well.
+    None is returned for a device of a kind without a floor, see `SEARCHED`, and if nothing is touched. The floor of a
+    hexapod does not depend on its matching method, so it is also computed for one that uses a look-up table.
 
     Raises:
-        DermisError: a device that cannot touch this finger.
+        DermisError: the device cannot touch this finger.
     """
     if skin is None or spec.kind not in SEARCHED or not len(skin.contact):
         return None
@@ -148,12 +158,12 @@ def floor_in(
 
 
 def _share(step: int, steps: int, now: Progress) -> Progress:
-    """Return the progress within one step among several as that of all."""
+    """Convert the progress within one of several steps to the progress of all steps."""
     return Progress("judging", PARTS * step + PARTS * now.done // now.total, PARTS * steps)
 
 
 def row_of(output: Output, judged: Judged) -> Row:
-    """Return a device's row: its share of clipped samples is the worst of its track's and its method's own."""
+    """Return the row of a device, see `Row`."""
     track = output.track
     changed = max(track.limited.values(), default=0) / max(len(track.times), 1)
     clipped = min(max(changed, judged.limited), 1.0)
@@ -162,11 +172,14 @@ def row_of(output: Output, judged: Judged) -> Row:
 
 
 def _unused(device: DeviceSpec) -> str:
-    """Return why the touch gives a device nothing to do."""
+    """Return the reason why a touch does not use a device."""
     return "the touch does not press the skin" if device.follows_skin else "the touch does not use it"
 
 
 def _refusal(bake: Bake, key: str) -> str:
-    """Return why a device was not rendered: its own findings, else all findings."""
+    """Return the reason why a device was not rendered.
+
+    It is the device's own finding, else the findings of all devices that could not be rendered.
+    """
     said = [f.what for f in bake.findings if f.code == "device-unavailable"]
     return next((s for s in said if key in s), "; ".join(said) or "it could not be rendered")

@@ -1,9 +1,9 @@
-"""Ideal observer: how well one who reads all afferents, and wastes nothing, could tell two touches apart.
+"""Ideal observer: discrimination of two touches from all afferents, without loss.
 
-Two questions are asked of a rendered pair of touches. *Told apart* counts any difference between the two, whatever it
-feels like. *Taken for* counts only what tells the real touches apart: one who knows those from life, and has no other
-clue, weighs the response as the real ones teach. A device that renders two touches as different, but not as they
-differ, scores in the first and not in the second.
+A pair of rendered touches is judged in two respects. *Told apart*: any difference between the two responses counts.
+*Taken for*: the observer knows the real touches, and only the part of the difference along the difference of the real
+responses counts. If a device renders two touches differently, but not in the direction in which the real touches
+differ, its score is high in the first respect and low in the second.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from ..arrays import Array
 
 @dataclass(frozen=True)
 class Answer:
-    """How well two touches are told apart.
+    """Discriminability of two touches.
 
     Attributes:
-        apart: d' of any difference. as_real: d' along the difference of the real touches; below zero where the device
-            makes each feel more like the other.
+        apart: d' of any difference.
+        as_real: d' along the difference of the real touches. It is negative if the device renders each touch more like
+            the other real touch.
     """
 
     apart: float
@@ -30,18 +31,19 @@ class Answer:
 
     @property
     def right(self) -> float:
-        """Share of right answers of one who knows the real touches, without bias: 0.5 is guessing."""
+        """Share of right answers of an unbiased observer who knows the real touches; 0.5 for guessing."""
         return 0.5 * (1.0 + math.erf(self.as_real / math.sqrt(8.0)))
 
 
 def told(first: Array, second: Array, noise: float, real: tuple[Array, Array] | None = None) -> Answer:
-    """Return how well two touches are told apart from the responses to them.
+    """Return the discriminability of two touches from the responses to them.
 
     Args:
-        first, second: responses to the two touches, one for each repetition, shape (r, ...). Repetitions differ a
-            little, as people's do.
-        noise: standard deviation of each number read.
-        real: the same of the real touches; the two themselves where None.
+        first, second: responses to the two touches, one for each repetition, shape (r, ...). Repetitions may differ, as
+            those of a person do.
+        noise: standard deviation of each number of a response.
+        real: responses to the two real touches, like `first` and `second`; None if `first` and `second` are the real
+            touches.
     """
     one, other = (np.asarray(x, np.float64).reshape(len(x), -1) for x in (first, second))
     apart = other.mean(axis=0) - one.mean(axis=0)
@@ -52,7 +54,10 @@ def told(first: Array, second: Array, noise: float, real: tuple[Array, Array] | 
 
 
 def _along(direction: Array, first: Array, second: Array, noise: float) -> float:
-    """Return d' of responses along a direction: noise and the repetitions' own spread stand against it."""
+    """Return d' along a direction: the distance of the means, divided by the standard deviation.
+
+    The variance is that of the noise plus that of the repetitions.
+    """
     size = float(np.linalg.norm(direction))
     if size <= 0.0:
         return 0.0

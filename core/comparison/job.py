@@ -23,7 +23,8 @@ from .device_comparison import compare_devices
 from .told_apart import tell_apart
 
 Made = TypeVar("Made")
-# from where to where a stage takes the whole work [%]; others are short, or begin anew for each finger
+# [%] Progress of the whole job at the start and at the end of each stage. Other stages do not advance it: they are
+# short, or begin anew for each finger.
 SHARES = {"skin contact": (0, 80), "devices": (80, 90), "judging": (90, 100)}
 SHARES_SEARCHED = {"skin contact": (0, 15), "devices": (15, 20), "judging": (20, 100)}  # floors are found
 
@@ -35,13 +36,13 @@ def compare_job(
 
     Args:
         parameters: 'scene' (a sampled scene's file), 'finger' (its name), and optionally 'presets' (a folder),
-            'cache' (a folder) with 'cache_bytes', and 'floors' (find floors too).
+            'cache' (a folder) with 'cache_bytes', and 'floors' (whether to find floors).
 
     Returns:
         'table' (JSON, see `report.as_dict`), 'csv' and 'html', as bytes.
 
     Raises:
-        DermisError: see `compare_devices`; a file that cannot be read.
+        DermisError: see `compare_devices`; also if a file cannot be read.
     """
     found = _done(partial(compare_devices, floors=bool(parameters.get("floors", False))), parameters, report)
     return _encoded({"table": json.dumps(pages.as_dict(found)), "csv": pages.csv(found), "html": pages.html(found)})
@@ -53,13 +54,13 @@ def tell_job(
     """Tell a finger's touches apart; see `tell_apart`.
 
     Args:
-        parameters: as of `compare_job`, without 'floors'.
+        parameters: as for `compare_job`, without 'floors'.
 
     Returns:
         'table' (JSON, see `told_report.as_dict`) and 'csv', as bytes.
 
     Raises:
-        DermisError: see `tell_apart`; a file that cannot be read.
+        DermisError: see `tell_apart`; also if a file cannot be read.
     """
     found = _done(tell_apart, parameters, report)
     return _encoded({"table": json.dumps(told_report.as_dict(found)), "csv": told_report.csv(found)})

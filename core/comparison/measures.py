@@ -1,8 +1,8 @@
-"""In which measures a device's rendering is judged against the touch, and how far it misses.
+"""Measures of the difference between a touch and its rendering by a device.
 
-Devices that press on skin are judged by stress where receptors lie, and by the force into the skin and along it; a
-shear tactor by the displacement that its effects ask for, a friction screen by the friction that is perceived, a voice
-coil by the voltage.
+Devices that press on skin are judged by the stress where receptors lie, by the normal force and by the tangential
+force. A shear tactor is judged by the displacement that its effects request, a friction screen by the perceived
+friction and the voltage, and a voice coil by the voltage.
 """
 
 from __future__ import annotations
@@ -25,20 +25,22 @@ from ..skin.model import SkinModel
 from ..skin.stimulus import Stimulus
 from .rendered_forces import rendered_touches
 
-MOST = 60  # samples of a touch at which skin is looked at
-FELT = 0.01  # [N] below which a touch asks for nothing
-REACHED = 0.05  # of the force asked for: a device that presses less does not reach the skin
-BEYOND = 1.0 + 1e-9  # of a range
+MOST = 60  # number of samples of a touch at which the skin is evaluated; the strongest sample is added
+FELT = 0.01  # [N] normal force; at or below it, a sample of a touch counts as untouched
+REACHED = 0.05  # share of the target normal force; a device that presses with less does not reach the skin
+BEYOND = 1.0 + 1e-9  # a value above this many times a limit is outside the range; the excess over 1 is for rounding
 
 
 @dataclass(frozen=True, eq=False)
 class Measure:
-    """A quantity as the touch asks for it and as the device renders it.
+    """Target and rendered values of a quantity.
 
     Attributes:
-        name, unit: for people; values are SI.
-        times: [s], shape (k,). target, rendered: shape (k,), or of a field its norm.
-        off: RMS of the difference over the RMS of the target; of a field that of the field itself.
+        name, unit: name and SI unit of the quantity, for display.
+        times: times of the samples [s], shape (k,).
+        target, rendered: values of the touch and of the device, shape (k,). For a field they are its RMS values.
+        off: RMS of the difference, divided by the RMS of the target. For a field it is computed from the components of
+            the field, not from the RMS values.
     """
 
     name: str
@@ -51,7 +53,13 @@ class Measure:
 
 @dataclass(frozen=True, eq=False)
 class PadMap:
-    """Pressure on the pad at the strongest sample: nodes (m, 2) [m], target and rendered (m,) [Pa]; its time [s]."""
+    """Pressure on the pad at the sample of the largest normal force.
+
+    Attributes:
+        nodes: positions of the pad nodes [m], shape (m, 2).
+        target, rendered: pressure of the touch and of the device [Pa], shape (m,).
+        time: time of the sample [s].
+    """
 
     nodes: Array
     target: Array
@@ -61,23 +69,34 @@ class PadMap:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """One device: its measures, the main one first, and the share of the touched samples that is out of its reach."""
+    """Measures of one device.
+
+    Attributes:
+        measures: the measures, the main one first.
+        out_of_reach: share of the touched samples that the device cannot render.
+        pad: pressure on the pad; None for a device that does not press on skin.
+        limited: share of all samples at which the matching method was at a limit.
+    """
 
     measures: tuple[Measure, ...]
     out_of_reach: float
     pad: PadMap | None = None
-    limited: float = field(default=0.0)  # share of all samples at which the method itself was at a limit
+    limited: float = field(default=0.0)
 
 
 def judge(output: Output, skin: SkinContact | None, parameters: Mapping[str, Any]) -> Judged | None:
-    """Judge one device; None where the touch does not use it.
+    """Compare the rendering of one device with the touch.
 
     Args:
-        skin: states of the finger's skin, for a device that presses on it.
-        parameters: parameters of the device's use.
+        output: result of rendering for the device.
+        skin: states of the finger's skin; needed for a device that presses on skin.
+        parameters: settings of the device in the scene.
+
+    Returns:
+        The measures; None if the touch does not use the device.
 
     Raises:
-        DermisError: a track that the device cannot play, or a kind without a measure.
+        DermisError: the device cannot play the track, or there is no measure for its kind.
     """
     if output.track.spec.follows_skin:
         return None if skin is None or not len(skin.contact) else _pressing(output, skin, parameters)
@@ -88,12 +107,12 @@ def judge(output: Output, skin: SkinContact | None, parameters: Mapping[str, Any
 
 
 def measure(name: str, unit: str, times: Array, target: Array, rendered: Array) -> Measure:
-    """Return a measure of one number a sample."""
+    """Return the measure of a scalar quantity."""
     return Measure(name, unit, times, target, rendered, rms(rendered - target) / max(rms(target), 1e-300))
 
 
 def rms(values: Array) -> float:
-    """Return the root of the mean square; 0 of nothing."""
+    """Return the root mean square; 0 for an empty array."""
     return float(np.sqrt(np.mean(np.square(values)))) if np.size(values) else 0.0
 
 
@@ -109,7 +128,7 @@ def _tactor(output: Output) -> Judged | None:
 
 
 def _coil(output: Output) -> Judged | None:
-    """Judge a voice coil by its vibration, within the track's limits, against the requested one in its band."""
+    """Judge a voice coil by its voltage: as limited in the track against as needed for the requested vibration."""
     track, coil = output.track, VoiceCoil.of(output.track.spec)
     target = track.column(DISPLACEMENT)
     if not target.any():
@@ -166,13 +185,13 @@ def _pressing(output: Output, skin: SkinContact, parameters: Mapping[str, Any]) 
 
 
 def _looked_at(skin: SkinContact) -> NDArray[np.intp]:
-    """Return touched samples at equal distances, the strongest among them."""
+    """Return up to `MOST` equally spaced samples of the touch, and the sample of the largest normal force."""
     touched = skin.contact
     chosen = touched[np.unique(np.linspace(0, len(touched) - 1, min(MOST, len(touched))).round().astype(int))]
     return np.union1d(chosen, touched[skin.normal_force[touched].argmax()])
 
 
 def _stress(model: SkinModel, forces: Array, amounts: Sequence[Array | None]) -> Array:
-    """Return stress where receptors lie under the pad [Pa], shape (k, probes, 6)."""
+    """Return the stress at the receptors under the pad [Pa], shape (k, probes, 6)."""
     both = zip(forces, amounts, strict=True)
     return np.stack([Stimulus(model, force, given=given).probe_stress for force, given in both])

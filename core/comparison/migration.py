@@ -1,7 +1,7 @@
-"""Migration report: how commands that an earlier engine made differ from those of this one, finger by finger.
+"""Migration report: differences between commands of an earlier engine and of this one.
 
-Nobody's published track shall change in silence. A stored track is compared with the one that the same finger and
-device get now, at the stored track's own times.
+It shows whether a published track would be different today. A stored track is compared with the track that the same
+finger and device get from this engine, at the times of the stored track.
 """
 
 from __future__ import annotations
@@ -25,22 +25,26 @@ from ..track.command_track import CommandTrack
 from ..version import made_by
 from .aligned import aligned
 
-# Commands that differ by more than this share of a channel's range count as changed: no device shows less.
+# Commands count as changed if they differ by more than this share of a channel's range. No device renders a smaller
+# difference.
 CHANGED = 1e-3
 UNKNOWN = "an unknown program"
-SUFFIXES = (".csv", ".json", ".dtrack")  # of files that hold a whole track
+SUFFIXES = (".csv", ".json", ".dtrack")  # suffixes of files that hold a whole track
 
 
 @dataclass(frozen=True, eq=False)
 class Migration:
-    """One stored track beside the one of now.
+    """A stored track and the present engine's track for the same finger and device.
 
     Attributes:
-        file: that the stored track was read from. finger, device: whose it is.
+        file: file of the stored track.
+        finger, device: finger and device of both tracks.
         before: the stored track.
         now: the track of the present engine, at the times of the stored one.
-        fps: scene frames a second. first: the scene frame at time 0.
-        other_preset: the device's preset is another by now, so that more than the engine may have changed.
+        fps: scene frames per second.
+        first: scene frame at time 0.
+        other_preset: whether the device's preset has changed since. Then a difference may come from the preset instead
+            of the engine.
     """
 
     file: str
@@ -54,17 +58,20 @@ class Migration:
 
     @property
     def maker(self) -> str:
-        """The maker of the stored track, in its own words."""
+        """The program that made the stored track, as its metadata name it."""
         return str(self.before.meta.get("generator", UNKNOWN))
 
     @cached_property
     def difference(self) -> Array:
-        """Now less before, in the channels' units, shape (n, c)."""
+        """Values now minus values before, in the channels' units, shape (n, c)."""
         return np.asarray(self.now.values - self.before.values)
 
     @cached_property
     def ranges(self) -> Array:
-        """The size to compare differences with: a channel's range, or its largest command without one, shape (c,)."""
+        """The size that differences are compared with, shape (c,).
+
+        It is the channel's range, or the largest stored command of a channel without a range.
+        """
         limits = [(c.low, c.high) for c in self.before.channels]
         most = np.abs(self.before.values).max(axis=0, initial=0.0)
         ranges = [high - low if low is not None and high is not None else 0.0 for low, high in limits]
@@ -72,7 +79,7 @@ class Migration:
 
     @cached_property
     def share(self) -> Array:
-        """The largest difference of each channel over its range [1], shape (c,)."""
+        """The largest difference of each channel, divided by `ranges` [1], shape (c,)."""
         return np.abs(self.difference).max(axis=0, initial=0.0) / self.ranges
 
     def frame_of(self, sample: int) -> float:
@@ -81,13 +88,13 @@ class Migration:
 
     @property
     def changed_frames(self) -> tuple[int, int]:
-        """In how many scene frames any command changed by more than `CHANGED`, and how many there are."""
+        """Number of scene frames with a change above `CHANGED`, and number of all scene frames."""
         frames = np.floor(self.first + self.before.times * self.fps + 1e-9)
         far = (np.abs(self.difference) > CHANGED * self.ranges).any(axis=1)
         return len(np.unique(frames[far])), len(np.unique(frames))
 
     def finding(self, allowed: float) -> Finding | None:
-        """Return a warning where a command changed by more than an allowed share of its range; None where none did."""
+        """Return a warning if a command changed by more than an allowed share of its range, else None."""
         c = int(self.share.argmax())
         if not self.share[c] > allowed:
             return None
@@ -104,10 +111,13 @@ class Migration:
 
 
 def stored_tracks(paths: Sequence[Path]) -> tuple[dict[str, CommandTrack], list[Finding]]:
-    """Read tracks from files, and from all files of folders that are tracks; findings tell of those that are none.
+    """Read tracks from files and folders.
+
+    Returns:
+        The tracks by their paths, and a finding for each file of a folder that could not be read as a track.
 
     Raises:
-        DermisError: a file that was named cannot be read, or there are no tracks.
+        DermisError: a file named in `paths` cannot be read, or there are no tracks.
     """
     tracks: dict[str, CommandTrack] = {}
     unread = []
@@ -131,17 +141,19 @@ def stored_tracks(paths: Sequence[Path]) -> tuple[dict[str, CommandTrack], list[
 
 
 def migrations(bake: Bake, stored: Mapping[str, CommandTrack]) -> tuple[tuple[Migration, ...], tuple[Finding, ...]]:
-    """Compare stored tracks with those of a bake of now.
+    """Compare stored tracks with those of a new bake.
 
     Args:
         bake: bake of the same scene by this engine.
-        stored: tracks of an earlier engine, by the file each was read from.
+        stored: tracks of an earlier engine, by the paths of their files.
 
     Returns:
-        One comparison for each track whose finger and device the bake has; and findings about the others.
+        A comparison for each stored track whose finger and device occur in the bake. Findings about stored tracks
+        without a counterpart in the bake, and about outputs of the bake without a stored track.
 
     Raises:
-        DermisError: none of the tracks belongs to the bake.
+        DermisError: none of the tracks belongs to the bake, a device has other channels now, or a stored track extends
+            beyond the times of the scene.
     """
     ours: dict[tuple[str, str], list[Output]] = {}
     for output in bake.outputs:
@@ -208,7 +220,7 @@ def _migration(file: str, before: CommandTrack, output: Output) -> Migration:
 
 
 def table(found: Iterable[Migration]) -> str:
-    """Return the changes as a table for a terminal, a line for each channel."""
+    """Return the changes as a table for a terminal, with a line for each channel."""
     rows = [("finger", "device", "channel", "largest change", "of range", "at frame", "frames changed", "made by")]
     for one in found:
         frames = "{} of {}".format(*one.changed_frames)
@@ -231,7 +243,7 @@ def table(found: Iterable[Migration]) -> str:
 
 
 def text(found: Iterable[Migration]) -> str:
-    """Return every command that changed by more than `CHANGED` of its range, as a table of comma-separated values."""
+    """Return all commands that changed by more than the share `CHANGED` of their range, as CSV."""
     out = io.StringIO()
     out.write(f"# dermis-migration 1\n# now: {made_by()}\n")
     write = csv.writer(out, lineterminator="\n").writerow

@@ -1,4 +1,4 @@
-"""Target against rendered as a picture: each measure over time, and the pad's pressure at the strongest sample."""
+"""Picture of target and rendered touch: measures over time, and pressure on the pad."""
 
 from __future__ import annotations
 
@@ -11,23 +11,27 @@ from ..plot.canvas import Canvas, SvgCanvas
 from .device_comparison import Row
 from .measures import Measure, PadMap
 
-LEFT, TOP, PANEL, GAP, FOOT = 62.0, 50.0, 104.0, 54.0, 40.0  # [points]
+LEFT, TOP, PANEL, GAP, FOOT = 62.0, 50.0, 104.0, 54.0, 40.0  # margins, height of a panel, gap below it [points]
 PLOT, MAP = 430.0, 132.0
 TARGET, RENDERED = INK, "#d9650a"
-SMALL_LENGTH = 1e-4  # [m] below which lengths are read in micrometres
+SMALL_LENGTH = 1e-4  # [m] lengths below it are shown in micrometres
 UNITS = {"Pa": (1e3, "kPa"), "m": (1e-3, "mm"), "1": (1.0, "")}
 DARK, LIGHT = np.array([0x14, 0x2F, 0x5C]), np.array([0xC4, 0xD3, 0xE8])
 
 
 def shown_unit(measure: Measure) -> tuple[float, str]:
-    """Return the factor and the name of the unit in which people read a measure."""
+    """Return the unit in which a measure is shown: its size in SI units, and its name."""
     if measure.unit == "m" and max(float(measure.target.max()), float(measure.rendered.max())) < SMALL_LENGTH:
         return 1e-6, "µm"
     return UNITS.get(measure.unit, (1.0, measure.unit))
 
 
 def svg(row: Row, duration: float) -> str:
-    """Return the picture of one device as SVG; `duration` is that of the scene [s]."""
+    """Return the picture of one device as SVG.
+
+    Args:
+        duration: duration of the scene [s].
+    """
     canvas = SvgCanvas(*size(row))
     draw(row, duration, canvas)
     return canvas.to_bytes().decode("utf-8")
@@ -66,13 +70,13 @@ def _series(canvas: Canvas, measure: Measure, top: float, duration: float) -> No
 
 
 def _gaps(times: Array) -> NDArray[np.intp]:
-    """Return before which samples nothing was looked at for a while: a line shall not cross it."""
+    """Return the indices of samples that follow a long gap, where a curve is interrupted."""
     step = np.diff(times)
     return np.flatnonzero(step > 3.0 * np.median(step)) + 1 if len(step) else np.zeros(0, np.intp)
 
 
 def _pads(canvas: Canvas, pad: PadMap, left: float) -> None:
-    """Draw the pad as seen through the nail, tip up, with the pressure that is asked for and that is rendered."""
+    """Draw the target and the rendered pressure on the pad, seen through the nail with the tip up."""
     low, high = pad.nodes.min(axis=0), pad.nodes.max(axis=0)
     zoom = min(MAP / max(high[0] - low[0], 1e-9), 2.2 * MAP / max(high[1] - low[1], 1e-9))
     dot = 0.45 * zoom * np.sqrt(float(np.prod(high - low)) / len(pad.nodes))

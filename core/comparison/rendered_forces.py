@@ -1,4 +1,4 @@
-"""Forces of a device on the pad's nodes, from its track: the same for every kind that presses on skin."""
+"""Forces of a device on the pad nodes, from its track, for all kinds of devices that press on skin."""
 
 from __future__ import annotations
 
@@ -23,28 +23,32 @@ from ..track.command_track import CommandTrack
 def rendered_forces(
     track: CommandTrack, skin: SkinContact, samples: NDArray[np.intp], parameters: Mapping[str, Any]
 ) -> Array:
-    """Return the forces on the pad's nodes while a track is played, shape (k, m, 3) [N]; see `rendered_touches`."""
+    """Return the forces on the pad nodes while a track is played [N], shape (k, m, 3); see `rendered_touches`."""
     return rendered_touches(track, skin, samples, parameters)[0]
 
 
 def rendered_touches(
     track: CommandTrack, skin: SkinContact, samples: NDArray[np.intp], parameters: Mapping[str, Any]
 ) -> tuple[Array, list[Array | None]]:
-    """Return the forces on the pad's nodes while a track is played, shape (k, m, 3) [N], and `Stimulus.given` of each.
+    """Return the effect on the skin while a track is played.
 
-    A thimble is replayed from the beginning, since friction remembers; a platform is pressed from rest at each sample.
+    A device that is matched by stress is replayed from its first sample, because friction depends on the history. Any
+    other platform is pressed from rest at each sample.
 
     Args:
         samples: indices of the touch's samples, rising, shape (k,).
-        parameters: parameters of the device's use.
+        parameters: settings of the device in the scene.
+
+    Returns:
+        Forces on the pad nodes [N], shape (k, m, 3), and `Stimulus.given` of each sample.
 
     Raises:
-        DermisError: a track that the device cannot play.
+        DermisError: the device cannot play the track.
     """
     times = skin.times[samples]
     if track.spec.kind == "pin_array":
         ready = pins.setup(skin.model, track.spec, DEVICE["pin_nodes"].of(parameters))
-        lead = float(track.meta.get("lead_s", 0.0))  # the track is so much ahead of the pins' forces
+        lead = float(track.meta.get("lead_s", 0.0))  # [s] time by which the track is ahead of the pins' forces
         pressed = interpolate(track.times, track.values, np.clip(times - lead, track.times[0], track.times[-1]))
         return np.stack([pins.rendered_force(ready, row) for row in pressed]), [None] * len(pressed)
     if by_stress(track.spec, parameters):

@@ -1,4 +1,4 @@
-"""A comparison as text, as CSV, as plain JSON values and as one page of HTML with its pictures inside."""
+"""Reports of a comparison: text, CSV, plain JSON values, and an HTML page with its pictures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .measures import Measure, rms
 from .picture import shown_unit, svg
 
 COLUMNS = ("device", "method", "measure", "target", "rendered", "off", "clipped", "out of reach")
-FLOORS = ("best pose found", "with lateral axes")  # further columns where floors were asked for
+FLOORS = ("best pose found", "with lateral axes")  # additional columns if floors were computed
 WORDS = (
     ("target, rendered", "root of the mean square over the samples that were looked at"),
     ("off", "RMS of the difference over the RMS of the target; of stress that of the six components under the pad"),
@@ -46,9 +46,10 @@ def columns(found: Comparison) -> tuple[str, ...]:
 
 
 def lines(found: Comparison) -> list[tuple[str, ...]]:
-    """Return the table's rows in words, one a measure; device, method and shares stand in each device's first.
+    """Return the rows of the table as text, one row for each measure.
 
-    Where floors were asked for, a device has a row for each of their measures after its own.
+    Device, method and shares stand only in the first row of a device. If a floor was computed for a device, a row for
+    each measure of the floor follows the device's own measures.
     """
     out: list[tuple[str, ...]] = []
     more = ("",) * (len(columns(found)) - len(COLUMNS))
@@ -68,7 +69,10 @@ def _has_floors(found: Comparison) -> bool:
 
 
 def _floors(row: Row) -> list[tuple[str, float, float, float | None]]:
-    """Return each measure of a device's floor: as the device does it, the best pose found, with axes along the pad."""
+    """Return name and errors of each measure of a device's floor.
+
+    The errors are those of the device, of the best pose found, and of the best pose with lateral axes (or None).
+    """
     if row.floor is None:
         return []
     lateral = row.floor.lateral or (None,) * len(MEASURES)
@@ -76,7 +80,10 @@ def _floors(row: Row) -> list[tuple[str, float, float, float | None]]:
 
 
 def _floor_by(row: Row) -> str:
-    """Return the method whose error stands beside a device's floor: its own, if it searches for a pose."""
+    """Return the method whose error stands beside a device's floor.
+
+    It is the device's own method if this searches for a pose, and stress matching if it is a look-up table.
+    """
     return "stress" if row.method == LOOKUP else row.method
 
 
@@ -87,7 +94,7 @@ def text(found: Comparison) -> str:
 
 
 def csv(found: Comparison) -> str:
-    """Return the table as CSV, in SI, with `# key: value` lines before it as in a track."""
+    """Return the table as CSV in SI units, after lines `# key: value` as in a track."""
     head = ["# dermis-comparison 1", *(f"# {k}: {v}" for k, v in _about(found)), *map(_comment, found.skipped)]
     head += [f"# {_line(str(finding))}" for finding in found.findings]
     floors = _has_floors(found)
@@ -105,7 +112,7 @@ def csv(found: Comparison) -> str:
 
 
 def html(found: Comparison) -> str:
-    """Return one page that needs nothing else: table, skipped devices, glossary, pictures."""
+    """Return a self-contained page with table, glossary, skipped devices and pictures."""
     words = (*WORDS, FLOOR_WORDS) if _has_floors(found) else WORDS
     parts = [
         f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>{escape(found.finger)}: devices compared</title>",
@@ -185,14 +192,14 @@ def _plain(row: Row) -> dict[str, Any]:
 
 
 def _figures(measure: Measure) -> tuple[str, str]:
-    """Return target and rendered with the unit that people read."""
+    """Return the RMS of target and rendered values, each with the shown unit."""
     factor, unit = shown_unit(measure)
     target, rendered = (f"{rms(v) / factor:.3g} {unit}".rstrip() for v in (measure.target, measure.rendered))
     return target, rendered
 
 
 def _both(measure: Measure) -> str:
-    """Return target and rendered in few letters."""
+    """Return the RMS of target and rendered values in one short text."""
     factor, unit = shown_unit(measure)
     target, rendered = (f"{rms(v) / factor:.2g}" for v in (measure.target, measure.rendered))
     return f"{target} → {rendered} {unit}".rstrip()
@@ -207,7 +214,7 @@ def _comment(skipped: Any) -> str:
 
 
 def _line(words: str) -> str:
-    """Return words in a single line, whatever a name has in it."""
+    """Return a text in a single line."""
     return " ".join(words.splitlines())
 
 

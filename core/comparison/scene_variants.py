@@ -1,4 +1,4 @@
-"""A scene that hardly changes: shifted a little, sampled twice as often, or mirrored."""
+"""Variants of a scene: shifted a little, sampled twice as often, or mirrored."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..parameters.parameter import NAMES, SWITCH, TEXT
 from ..parameters.screen import SCREEN
 from ..scene.tactile_scene import Body, Chunk, Mesh, TactileScene
 
-SHIFT = 0.1e-6  # far below what any device or eye resolves [m]
+SHIFT = 0.1e-6  # [m] displacement of the shifted fingers; far below the resolution of any device or eye
 _TABLES = {"finger": FINGER, "device": DEVICE, "body": BODY, "screen": SCREEN}
 _MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 _POSES = ("fingers", "bodies", "screens")
@@ -26,7 +26,7 @@ _POSES = ("fingers", "bodies", "screens")
 
 @dataclass(frozen=True, eq=False)
 class _Chunks:
-    """Chunks that are made of others when they are iterated, each time anew."""
+    """Chunks that are computed from others, anew in each iteration."""
 
     source: Iterable[Chunk]
     make: Callable[[Iterable[Chunk]], Iterator[Chunk]]
@@ -36,10 +36,12 @@ class _Chunks:
 
 
 def shifted(scene: TactileScene, far: float = SHIFT) -> TactileScene:
-    """Return a scene whose fingers stand beside where they stood, along no axis of the world.
+    """Return a scene with displaced fingers.
+
+    The direction of the displacement is not parallel to any axis or coordinate plane of the world.
 
     Args:
-        far: how far [m].
+        far: length of the displacement [m].
     """
     by = far * np.array([2.0, 3.0, 6.0]) / 7.0
 
@@ -53,12 +55,12 @@ def shifted(scene: TactileScene, far: float = SHIFT) -> TactileScene:
 
 
 def denser(scene: TactileScene) -> TactileScene:
-    """Return a scene with a sample half way between any two, on the curve that the samples lie on.
+    """Return a scene with an additional sample half-way between each two samples.
 
-    Places, turns and scales curve as at both neighbours, so that smooth motion keeps its acceleration, but not where
-    only one of these is curved, so that motion that stops at once does not overshoot. Surfaces and animated quantities
-    are half way on a straight line. A surface that gets other faces, and a parameter that is a choice, stay as in the
-    sample before.
+    Positions, rotations and scales are interpolated by parabolas, see `_bent`, so smooth motion keeps its acceleration.
+    Where the path is curved at only one of the two samples, the interpolation is linear, so motion that stops abruptly
+    does not overshoot. Surfaces and animated quantities are interpolated linearly. A surface whose faces change, and a
+    parameter that is a choice, keep the value of the sample before.
     """
     count = replace(scene, rate=2.0 * scene.rate).sample_count
 
@@ -76,7 +78,7 @@ def denser(scene: TactileScene) -> TactileScene:
             done += 2 * len(chunk.times) - (last is None)
             first += len(chunk.times)
             last = _sample(chunk, len(chunk.times) - 1)
-        if last is not None and done < count:  # the range ends half a step after its last sample
+        if last is not None and done < count:  # half a step after the last sample, repeat it
             half = 0.5 / scene.rate
             yield replace(last, times=last.times + half, frames=last.frames + half * float(scene.fps))
 
@@ -84,9 +86,9 @@ def denser(scene: TactileScene) -> TactileScene:
 
 
 def mirrored(scene: TactileScene) -> TactileScene:
-    """Return the scene in a mirror, left for right; of screens there is no mirror image: they are left out.
+    """Return the mirror image of a scene, with left and right exchanged.
 
-    Fingertips are their own mirror images.
+    Screens are left out. Fingertips are symmetric, so only their poses are mirrored.
     """
 
     def turned(poses: Array) -> Array:
@@ -113,7 +115,7 @@ def _mirrored_mesh(mesh: Mesh) -> Mesh:
 
 
 def _sample(chunk: Chunk, i: int) -> Chunk:
-    """Return a chunk of one sample of another."""
+    """Return sample `i` of a chunk as a chunk of its own."""
     some = slice(i, i + 1)
     poses = {name: getattr(chunk, name)[:, some] for name in _POSES}
     surfaces = {index: meshes[some] for index, meshes in chunk.surfaces.items()}
@@ -126,7 +128,10 @@ def _brings(chunk: Chunk) -> tuple[set[int], set[str]]:
 
 
 def _half_before(before: Chunk, chunk: Chunk, middles: Mapping[str, Array], start: int) -> Chunk:
-    """Return the sample half way from one to a chunk's first; what only one of both brings is as it was before."""
+    """Return the sample half-way between a sample and the first sample of a chunk.
+
+    Surfaces and animated parameters that only one of the two has are taken from `before`.
+    """
     first = _sample(chunk, 0)
 
     def both(one: Mapping[Any, Any], other: Mapping[Any, Any]) -> dict[Any, Any]:
@@ -142,7 +147,7 @@ def _half_before(before: Chunk, chunk: Chunk, middles: Mapping[str, Array], star
 
 
 def _joined(before: Chunk, chunk: Chunk) -> Chunk:
-    """Return a chunk with one sample of the chunk before in front, which brings the same."""
+    """Return a chunk preceded by a sample that has the same surfaces and animated parameters."""
     poses = {n: np.concatenate([getattr(before, n), getattr(chunk, n)], axis=1) for n in _POSES}
     surfaces = {i: (*before.surfaces[i], *meshes) for i, meshes in chunk.surfaces.items()}
     animated = {n: np.concatenate([before.animated[n], v]) for n, v in chunk.animated.items()}
@@ -151,15 +156,17 @@ def _joined(before: Chunk, chunk: Chunk) -> Chunk:
 
 
 def _halved(chunk: Chunk, middles: Mapping[str, Array], start: int, *, skip: bool) -> Chunk:
-    """Return a chunk with samples half way between its own; `skip` leaves its first one out.
+    """Return a chunk with additional samples half-way between its own.
 
     Args:
-        middles: see `_middles`. start: the number of the chunk's first sample in the scene.
+        middles: see `_middles`.
+        start: index of the chunk's first sample in the scene.
+        skip: whether the first sample of the result is left out.
     """
     first = int(skip)
 
     def between(values: Array, middle: Array, axis: int) -> Array:
-        """Return values and middles in turn along an axis."""
+        """Interleave values and middles along an axis, and drop the first value on `skip`."""
         shape = list(values.shape)
         shape[axis] = 2 * shape[axis] - 1
         out = np.empty(shape, values.dtype)
@@ -194,7 +201,7 @@ def _halved(chunk: Chunk, middles: Mapping[str, Array], start: int, *, skip: boo
 
 
 def _is_quantity(name: str) -> bool:
-    """Return whether an animated parameter, such as 'body/3/friction', has values between two others."""
+    """Return whether an animated parameter, such as 'body/3/friction', can be interpolated."""
     kind, _, rest = name.partition("/")
     row = _TABLES[kind].get(rest.rpartition("/")[2])
     return row is not None and row.unit not in (SWITCH, TEXT, NAMES) and not row.whole and not row.choices
@@ -209,15 +216,19 @@ def _half_meshes(meshes: tuple[Mesh, ...]) -> list[Mesh]:
 
 
 def _middles(chunks: Iterable[Chunk]) -> dict[str, Array]:
-    """Return the poses half way between any two samples that follow each other, each shape (count, n - 1, 4, 4)."""
+    """Return the poses half-way between consecutive samples, shape (count, n - 1, 4, 4) each."""
     parts = [[getattr(chunk, name) for name in _POSES] for chunk in chunks]
     return {name: _half_way(np.concatenate([part[k] for part in parts], axis=1)) for k, name in enumerate(_POSES)}
 
 
 def _half_way(poses: Array) -> Array:
-    """Return the poses half way between neighbours, shape (count, n - 1, 4, 4), of those of shape (count, n, 4, 4).
+    """Return the poses half-way between consecutive ones, shape (count, n - 1, 4, 4).
 
-    Turn, scale and place are halved each by itself; of a pose of scale 0, which has no turn, the matrix is.
+    Rotation, scale and position are interpolated separately. A pose of scale 0 has no rotation; beside it, the linear
+    maps of the two poses are averaged instead.
+
+    Args:
+        poses: the poses, shape (count, n, 4, 4).
     """
     from scipy.spatial.transform import Rotation
 
@@ -240,19 +251,25 @@ def _half_way(poses: Array) -> Array:
 
 
 def _middle(values: Array, known: NDArray[np.bool_]) -> Array:
-    """Return the vectors half way between neighbours, shape (count, n - 1, k), of those of shape (count, n, k)."""
+    """Return the vectors half-way between consecutive ones, shape (count, n - 1, k).
+
+    Args:
+        values: the vectors, shape (count, n, k).
+        known: whether each vector is known, shape (count, n).
+    """
     return 0.5 * (values[:, :-1] + values[:, 1:]) - _bent(np.diff(values, 2, axis=1), known)
 
 
 def _bent(bends: Array, known: NDArray[np.bool_]) -> Array:
-    """Return by how much the middle of two neighbours lies beside the straight line, shape (count, n - 1, k).
+    """Return the chord's midpoint minus the curve's, between neighbours, shape (count, n - 1, k).
 
-    It lies on a parabola whose second difference is the mean of both neighbours' where these agree, less where they
-    differ, and 0 where one of them is 0 or not known, or they point apart. At its ends a series goes on as its first
-    and last parabola.
+    The curve is a parabola. Its second difference is the mean of the second differences at both neighbours if they
+    agree, and smaller if they differ. It is 0 if one of them is 0 or unknown, or if their scalar product is not
+    positive. At each end of the series, the only second difference next to the interval is used for both neighbours.
 
     Args:
-        bends: second differences, shape (count, n - 2, k). known: which values are, shape (count, n).
+        bends: second differences, shape (count, n - 2, k).
+        known: whether each value is known, shape (count, n).
 
     Source: the limiter of van Albada, van Leer and Roberts 1982, of second differences
     """

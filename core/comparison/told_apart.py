@@ -1,7 +1,7 @@
-"""Which touches of a scene a finger could tell apart through each device, by an ideal observer.
+"""Discrimination of a scene's touches through each device, by an ideal observer.
 
-A finger that touches, lifts and touches again makes touches that are compared in pairs: the real ones with each other,
-and those rendered by each device and method.
+A finger that touches, lifts and touches again makes several touches. They are compared in pairs: the real touches with
+each other, and, for each device and method, the rendered touches with each other.
 """
 
 from __future__ import annotations
@@ -30,10 +30,11 @@ from .wearing import Skipped, finger_index, wearing_all
 if TYPE_CHECKING:
     from ..cache import Cache
 
-PAUSE = 0.1  # without contact, from which on it is another touch [s]
-CLOSE = 1e-6  # of a sample, and of a second: rounding of times
-MOST = 8  # touches that are compared, in 28 pairs
-# methods whose answers people compare, by the setting that names them; learned ones where the finger wears one
+PAUSE = 0.1  # [s] a longer interval without contact separates two touches
+CLOSE = 1e-6  # tolerance for rounding errors of times [s], and of positions between samples [samples]
+MOST = 8  # largest number of touches that are compared; these make 28 pairs
+# Matching methods that are compared, by the setting that names the method. The method that the finger's own device uses
+# is added, so that a learned method is compared if the finger wears a device with it.
 METHODS: Mapping[str, tuple[str, ...]] = {
     "thimble_method": ("stress", "force", "geometry"),
     "pin_method": ("DM2", "FM2"),
@@ -43,7 +44,7 @@ SETTING = {"thimble": "thimble_method", "pin_array": "pin_method"}
 
 @dataclass(frozen=True)
 class TouchTime:
-    """When a touch begins and ends [s], and in which frame it begins."""
+    """Start and end of a touch [s], and the scene frame at its start."""
 
     start: float
     end: float
@@ -52,7 +53,7 @@ class TouchTime:
 
 @dataclass(frozen=True, eq=False)
 class ToldRow:
-    """One device and method: `answers`, one a pair."""
+    """Result for one device and method; `answers` has one entry for each pair of touches."""
 
     device: str
     title: str
@@ -62,11 +63,15 @@ class ToldRow:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """What could be told apart.
+    """How well the touches of a finger can be told apart.
 
     Attributes:
-        scene, finger: names. touches: in order. pairs: numbers of touches, from 0.
-        real: the real touches' answers, one a pair. rows: devices and methods. skipped: and why.
+        scene, finger: names of the scene and the finger.
+        touches: the touches, in the order of time.
+        pairs: indices of the two touches of each pair, from 0.
+        real: answers for the real touches, one for each pair.
+        rows: answers for the rendered touches, one row for each device and method.
+        skipped: devices that were left out, with the reasons.
     """
 
     scene: str
@@ -81,14 +86,17 @@ class Told:
 def tell_apart(
     scene: TactileScene, library: Library, finger: str | int = 0, *, cache: Cache | None = None
 ) -> Generator[Progress, None, Told]:
-    """Judge which of a finger's touches could be told apart through each device; yield progress, return `Told`.
+    """Judge how well touches are told apart through each device.
+
+    Progress is yielded, and a `Told` is returned.
 
     Args:
-        finger: its name or number. cache: where skins and tables are kept.
+        finger: name or index of the finger.
+        cache: cache of skins and tables.
 
     Raises:
-        DermisError: no such finger, a scene that cannot be rendered, no device that presses on skin, or fewer touches
-            than two or more than `MOST`.
+        DermisError: there is no such finger, the scene cannot be rendered, no device presses on skin, or the finger
+            makes fewer than two touches or more than `MOST`.
     """
     number = finger_index(scene, finger)
     name = scene.fingers[number].name
@@ -135,10 +143,10 @@ def tell_apart(
 
 
 def check_count(finger: str, touches: Sequence[TouchTime]) -> None:
-    """Refuse a finger that touches too seldom or too often for its touches to be compared in pairs.
+    """Check that a finger makes at least two touches and at most `MOST`.
 
     Raises:
-        DermisError: it does.
+        DermisError: the number of touches is outside this range.
     """
     if not 2 <= len(touches) <= MOST:
         raise DermisError(
@@ -151,7 +159,7 @@ def check_count(finger: str, touches: Sequence[TouchTime]) -> None:
 
 
 def touches_of(skin: SkinContact) -> tuple[TouchTime, ...]:
-    """Return when a finger touches, pauses shorter than `PAUSE` left out."""
+    """Return the touches of a finger; pauses up to `PAUSE` do not divide a touch."""
     if not len(skin.contact):
         return ()
     times = skin.times[skin.contact]
@@ -165,7 +173,11 @@ def touches_of(skin: SkinContact) -> tuple[TouchTime, ...]:
 
 
 def _wearing(scene: TactileScene, library: Library, number: int) -> tuple[TactileScene, list[Skipped]]:
-    """Return a scene in which a finger wears every device that presses on its skin, once a method, and who does not."""
+    """Put all devices that press on skin on a finger, once for each method.
+
+    Returns:
+        The scene with these devices, and the devices left out.
+    """
     worn, fit, skipped = wearing_all(scene, library, number)
     own = {use.preset: use for use in reversed(worn.fingers[number].devices)}
     devices: list[DeviceUse] = []
@@ -194,7 +206,10 @@ def _method_of(use: DeviceUse) -> str:
 
 
 def looked_at(skin: SkinContact, touches: Sequence[TouchTime]) -> LookedAt:
-    """Return when each touch is looked at: at the ends and middles of its frames, all as long as the longest."""
+    """Return the moments at which each touch is evaluated.
+
+    They are the ends and middles of the afferents' frames. All touches get as many frames as the longest touch.
+    """
     at = moments(max(touch.end - touch.start for touch in touches))
     first = np.full((len(touches), len(at)), -1, np.intp)
     share = np.zeros(first.shape)
@@ -209,10 +224,10 @@ def looked_at(skin: SkinContact, touches: Sequence[TouchTime]) -> LookedAt:
 
 @dataclass(frozen=True, eq=False)
 class LookedAt:
-    """Moments of touches between samples.
+    """Moments of touches, as positions between samples.
 
     Attributes:
-        first: the sample before each moment, -1 where its touch is over, shape (touches, moments).
+        first: index of the sample before each moment, shape (touches, moments); -1 after the end of a touch.
         share: position of the moment between that sample (0) and the next (1), shape (touches, moments).
     """
 
@@ -221,12 +236,15 @@ class LookedAt:
 
     @property
     def samples(self) -> NDArray[np.intp]:
-        """Return all samples that are needed, rising."""
+        """Indices of all samples that are needed, rising."""
         before = self.first[self.first >= 0]
         return np.union1d(before, before + 1)
 
     def read(self, afferents: Afferents, states: Sequence[Stimulus]) -> list[Array]:
-        """Return the responses to each touch, from the states at `samples`; nothing is strained once it is over."""
+        """Return the response to each touch, from the states of the skin at `samples`.
+
+        After the end of a touch the strain is zero.
+        """
         strain, within = afferents.strain(states), self.first >= 0
         at = np.searchsorted(self.samples, self.first[within])
         share = self.share[within][:, None]
@@ -236,7 +254,10 @@ class LookedAt:
 
 
 def real_states(skin: SkinContact, samples: NDArray[np.intp]) -> list[Stimulus]:
-    """Return the real touch at some samples, by its forces on nodes: devices are known by theirs, and read alike."""
+    """Return the stimuli of the real touch at some samples, computed from its nodal forces.
+
+    The stimuli of devices are computed from nodal forces as well, so that both are comparable.
+    """
     return [Stimulus(skin.model, skin.force_at(i), given=skin.amounts_at(i)) for i in samples.tolist()]
 
 

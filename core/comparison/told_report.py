@@ -1,4 +1,4 @@
-"""What could be told apart, as text and as CSV."""
+"""Reports of which touches can be told apart: text, CSV and plain JSON values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ REAL = "the real touches"
 
 
 def lines(found: Told) -> list[tuple[str, ...]]:
-    """Return the table in words: a heading, the real touches, then devices; a column a pair."""
+    """Return the table as text: a heading, the real touches, then the devices; one column for each pair."""
     heads = tuple(f"{i + 1} or {j + 1}" for i, j in found.pairs)
     rows = [("device", "method", *heads), (REAL, "", *map(_words, found.real))]
     rows += [(row.title, row.method, *map(_words, row.answers)) for row in found.rows]
@@ -72,7 +72,7 @@ def as_dict(found: Told) -> dict[str, Any]:
 
 
 def write(found: Told, folder: Path) -> Path:
-    """Write the CSV into a folder, whole or not at all; return its path.
+    """Write the CSV into a folder atomically and return its path.
 
     Raises:
         DermisError: the folder cannot be written.

@@ -1,7 +1,8 @@
-"""Trust band: how much forces and commands change, sample by sample, where the scene hardly changes.
+"""Trust band: sensitivity of forces and commands to negligible changes.
 
-The scene is rendered again, shifted by 0.1 um, with half the step between samples, and in a mirror. A difference is no
-property of the scene: it shows where a sharp edge or a slip makes a track arbitrary.
+The scene is rendered again in three variants: shifted by 0.1 um, with half the step between samples, and mirrored. A
+difference between the results is no property of the scene. It shows where a sharp edge or a slip makes a track
+arbitrary.
 """
 
 from __future__ import annotations
@@ -28,11 +29,14 @@ from ..track.file_names import safe
 from .aligned import aligned
 from .scene_variants import denser, mirrored, shifted
 
-DOUBT = 0.05  # of the largest departure from rest: beyond it a finding says so
-FELT = 1e-3  # of a channel's range: a device that departs less from rest is not felt, and has no peak
+DOUBT = 0.05  # a change above this share of the largest departure from rest is reported by a finding
+# Share of a channel's range. A departure from rest below it is not felt; changes are then compared with this share of
+# the range instead.
+FELT = 1e-3
 SKIN = "skin"
 FORCES = (Channel("normal_force", "N"), Channel("tangential_force", "N"))
-# each with its words, and whether commands can be compared: in a mirror only forces can
+# Each variant: the function that makes it, its description, and whether commands can be compared. For the mirrored
+# scene only forces can.
 VARIANTS: Mapping[str, tuple[Callable[[TactileScene], TactileScene], str, bool]] = {
     "shifted": (shifted, "shifted by 0.1 um", True),
     "denser": (denser, "sampled twice as often", True),
@@ -45,14 +49,15 @@ class Band:
     """Changes of the channels of one device, or of the forces on one skin.
 
     Attributes:
-        finger: its name. device: key of the preset, 'skin' for the forces on it.
-        name: name of the files that the band is written to.
-        channels: names of the channels, with their units.
+        finger: name of the finger.
+        device: key of the device preset; 'skin' for the forces on the skin.
+        name: stem of the names of the band's files.
+        channels: the channels, with their units.
         times: time of each sample [s], shape (n,).
         values: values of the unchanged scene, shape (n, c).
         spread: largest change caused by any variant, shape (n, c).
-        worst: the variant of the largest change, by channel.
-        track: the device's track; None if the band is that of a skin.
+        worst: for each channel, the variant that causes the largest change.
+        track: track of the device; None for a skin.
     """
 
     finger: str
@@ -69,7 +74,8 @@ class Band:
     def felt(self) -> Array:
         """The size that changes are compared with, shape (c,).
 
-        It is the largest departure from rest of any channel with the same unit, or the least that is felt.
+        It is the largest departure from rest of any channel with the same unit, but at least the share `FELT` of the
+        channel's range.
         """
         far = np.abs(self.values - [c.rest for c in self.channels]).max(axis=0, initial=0.0)
         units = np.array([c.unit for c in self.channels])
@@ -79,22 +85,22 @@ class Band:
 
     @cached_property
     def share(self) -> Array:
-        """The largest change of each channel, compared with `felt` [1], shape (c,)."""
+        """The largest change of each channel, divided by `felt` [1], shape (c,)."""
         return self.spread.max(axis=0, initial=0.0) / self.felt
 
     @property
     def worst_channel(self) -> int:
-        """The channel that changes most."""
+        """Index of the channel with the largest `share`."""
         return int(self.share.argmax())
 
     @property
     def worst_time(self) -> float:
-        """The time of its largest change [s]."""
+        """Time of the largest change of the worst channel [s]."""
         return float(self.times[self.spread[:, self.worst_channel].argmax()])
 
     @property
     def finding(self) -> Finding | None:
-        """The warning about its worst channel; None where all of it can be trusted."""
+        """A warning about the worst channel; None if no change exceeds `DOUBT`."""
         c = self.worst_channel
         if not self.share[c] > DOUBT:
             return None
@@ -124,10 +130,12 @@ class Band:
 def trust_bands(
     scene: TactileScene, library: Library, *, cache: Cache | None = None
 ) -> Generator[Progress, None, tuple[Bake, tuple[Band, ...]]]:
-    """Render a scene and its variants; yield progress, return the scene's own bake and a band for each device and skin.
+    """Render a scene and its variants, and compare the results.
+
+    Progress is yielded. The bake of the unchanged scene is returned, with a band for each device and each skin.
 
     Args:
-        scene: its chunks are read once for each variant.
+        scene: the scene; its chunks are iterated several times.
 
     Raises:
         DermisError: the scene cannot be rendered.
@@ -184,7 +192,7 @@ def _band_of_skin(own: Bake, finger: str, found: Mapping[str, Bake], times: Arra
 
 
 def _spread(values: Array, others: Mapping[str, Array]) -> tuple[Array, tuple[str, ...]]:
-    """Return the largest change of each value, and the variant of each channel's largest."""
+    """Return the largest change of each value, and for each channel the variant that causes the largest change."""
     changes = []
     for other in others.values():
         count = min(len(other), len(values))
@@ -198,7 +206,7 @@ def _spread(values: Array, others: Mapping[str, Array]) -> tuple[Array, tuple[st
 
 
 def table(bands: tuple[Band, ...]) -> str:
-    """Return the worst channel of each band, as lines for people."""
+    """Return the worst channel of each band, as a table for a terminal."""
     rows = [("finger", "device", "channel", "peak", "change", "of peak", "worst where")]
     for band in bands:
         c = band.worst_channel
@@ -209,7 +217,10 @@ def table(bands: tuple[Band, ...]) -> str:
 
 
 def write(bands: tuple[Band, ...], folder: Path, *, plots: bool = False) -> tuple[Path, ...]:
-    """Write each band as a CSV, and on request the plots of tracks with their bands; return their paths.
+    """Write each band as a CSV file and return the paths.
+
+    Args:
+        plots: whether each device's track is also drawn, with its band.
 
     Raises:
         DermisError: the folder cannot be written.

@@ -1,4 +1,4 @@
-"""Which device presets fit a finger's touch, and the scene in which the finger wears them all."""
+"""Device presets that fit a finger, and the scene in which the finger wears all of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..scene.tactile_scene import DeviceUse, Finger, TactileScene
 
 @dataclass(frozen=True)
 class Skipped:
-    """A device that was left out: the preset's key, its name for people, and why."""
+    """A device that was left out: key and name of its preset, and the reason."""
 
     device: str
     title: str
@@ -22,10 +22,10 @@ class Skipped:
 
 
 def finger_index(scene: TactileScene, name: str | int) -> int:
-    """Return which finger of a scene is meant, by its name or number.
+    """Return the index of a finger of a scene, from its name or index.
 
     Raises:
-        DermisError: there is none.
+        DermisError: the scene has no such finger.
     """
     names = [finger.name for finger in scene.fingers]
     if isinstance(name, str) and name in names:
@@ -36,10 +36,14 @@ def finger_index(scene: TactileScene, name: str | int) -> int:
 
 
 def wearing_all(scene: TactileScene, library: Library, finger: int) -> tuple[TactileScene, list[str], list[Skipped]]:
-    """Return a scene in which one finger wears every device that fits, their keys, and those left out.
+    """Put every device that fits on one finger of a scene.
 
-    A device that the finger wears already keeps its settings, and its place, by which animated ones are found; others
-    have their defaults. Of other fingers only the skin stays, where it is solved: they may hold something together.
+    A device that the finger already wears keeps its settings and its position in the list, by which animated settings
+    are found. Added devices have default settings. Other fingers lose their devices, but their skin is still solved if
+    it was before, because several fingers may hold one object.
+
+    Returns:
+        The scene, the keys of the devices that fit, and the devices left out.
     """
     worn = scene.fingers[finger]
     keys = [use.preset for use in worn.devices]
@@ -63,7 +67,7 @@ def _misfit(kind: str, scene: TactileScene) -> str:
 
 
 def alone(scene: TactileScene, library: Library) -> Iterator[Finger]:
-    """Yield fingers without devices, whose skin is solved as before."""
+    """Yield the fingers of a scene without devices; a skin that was solved is still solved."""
     for finger in scene.fingers:
         shown = SKIN_CONTACT["skin_shown"].of(finger.parameters) or any(
             _follows(library, use.preset) for use in finger.devices
@@ -75,4 +79,4 @@ def _follows(library: Library, key: str) -> bool:
     try:
         return library.device(key).follows_skin
     except DermisError:
-        return False  # of a broken preset rendering made nothing, either
+        return False  # rendering skips a broken preset as well

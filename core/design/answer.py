@@ -1,4 +1,4 @@
-"""The answer to 'how many motors?', found for sensed touches.
+"""Number of motors that a set of sensed touches needs.
 
 Source: [S2] IV and V
 """
@@ -23,15 +23,17 @@ from ..matching.table import SkinTable
 from .shared_pulleys import SharedPulleys, shared_pulleys
 from .synergies import Reduction, Rule, reduce
 
-POOR = 0.3  # of a touch: if all motors leave more, fewer are soon as good as all
-BOUNDS = 0.1  # of a touch: if all motors leave more, the table is what limits it
+# Shares of a touch, which the error with all motors is compared with. Above POOR the error is so large that fewer
+# motors soon look as good as all. Above BOUNDS the table, not the number of motors, limits the rendering.
+POOR = 0.3
+BOUNDS = 0.1
 VIRTUAL = "virtual: 19 electrodes and pressure, 12 bits"
-LOW_RANK = 0.9  # share of the variance that fewer motors must explain to be called a low rank
+LOW_RANK = 0.9  # share of the variance that the reduced motors must explain for the commands to be of low rank
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """How many motors a set of touches needs on a device.
+    """Number of motors that a set of touches needs on a device, with all figures behind it.
 
     Attributes:
         spec: the original device.
@@ -40,17 +42,18 @@ class Design:
         sensors: the sensor of each interaction, in words.
         unit: unit of the readings, for display.
         step: smallest step of the readings, in their unit. Errors and touches are counted in such steps.
-        repetitions: how often each is repeated, and how far repetitions are from their mean [steps]; 1 and nan where
-            it is not.
-        poor: interactions of which all motors together leave so much that no number of motors is given.
-        joint: error of fewer motors with the principal components of all interactions together.
-        alone: the same for each interaction with components of its own.
+        repetitions: number of repetitions of each interaction, and their deviation from their mean [steps]; 1 and nan
+            for an interaction without similar repetitions.
+        poor: interactions with so large an error with all motors that no number of motors is given.
+        joint: error of fewer motors, with the principal components of all interactions together.
+        alone: error of fewer motors for each interaction, with the principal components of this interaction.
         ranges: least and greatest original command in the interactions, SI, shape (2, motors).
         amounts: least and greatest amount of each joint component, shape (2, motors).
-        table: where the look-up table comes from.
+        table: origin and size of the look-up table.
         findings: reasons to doubt the answer.
-        shared: original motors that may share a pulley, by the rule that relates to the touch.
-        reversed_sweep: spread of rows reached from deeper in, see `collect.reversed_spread`; empty where not made.
+        shared: original motors that may share a pulley, for the number of motors by the rule 'touch'.
+        reversed_sweep: differences of rows reached from deeper positions, see `collect.reversed_spread`; empty if not
+            computed.
     """
 
     spec: DeviceSpec
@@ -75,30 +78,30 @@ class Design:
 
     @property
     def unit(self) -> str:
-        """Unit of readings, for people."""
+        """Unit of the readings, for display."""
         return "the recording's unit" if self.recorded else "counts"
 
     @property
     def poor(self) -> tuple[str, ...]:
-        """Interactions of which all motors together leave so much that no number of motors is given."""
+        """Interactions with so large an error with all motors that no number of motors is given."""
         left = self.joint.error[:, -1] > POOR * self.joint.touch
         return tuple(name for name, poor in zip(self.names, left.tolist(), strict=True) if poor)
 
     def motors(self, rule: Rule = "touch") -> int | None:
-        """Return the fewest motors within a rule; None where the table is poor."""
+        """Return the fewest motors that satisfy a rule; None if any interaction is `poor`."""
         return None if self.poor else self.joint.motors(rule)
 
     def low_rank(self, rule: Rule = "touch") -> bool:
-        """Return whether fewer motors than the device has are enough, and explain most of the motors' movement."""
+        """Return whether fewer motors than the device has are enough and explain at least `LOW_RANK`."""
         parts, motors = self.joint.components, self.joint.motors(rule)
         return motors < len(parts.mean) and float(parts.explained[:motors].sum()) >= LOW_RANK
 
 
 def knee_of(spec: DeviceSpec) -> float:
-    """Return the knee rule's limit of a preset, a share.
+    """Return the limit of the knee rule in a preset, a share.
 
     Raises:
-        DermisError: it is missing or not a share above zero.
+        DermisError: the limit is missing or not a share above zero.
     """
     value = spec.parameters.get("knee_error")
     if not isinstance(value, float | int) or isinstance(value, bool) or not 0.0 < value < 10.0:
@@ -111,17 +114,18 @@ def design(
 ) -> Design:
     """Find the fewest motors for a set of sensed interactions.
 
-    Readings of a recorded table that come in steps are counted in these steps from rest on, so that the answer is the
-    same, to the last bit, in whatever unit and from whatever zero they were written.
+    If the readings of a recorded table come in steps, readings are counted in these steps from rest. The answer then
+    does not depend on the unit or on the zero of the readings, to the last bit.
 
     Args:
-        spec: the original device. table: its effect on the skin.
-        sensed: target readings by the interaction's name, in the table's unit, each (n, channels).
-        sensors: the sensor of each interaction, in words; the virtual sensor for those left out.
+        spec: the original device.
+        table: effect of the device on the skin.
+        sensed: target readings of each interaction, by its name, in the table's unit, shape (n, channels) each.
+        sensors: the sensor of each interaction, in words; the virtual sensor for interactions left out.
 
     Raises:
-        DermisError: coupled motors, nothing given, an interaction that never touches, one shorter than two samples, or
-            one in which the sensor is at the end of its scale for long.
+        DermisError: the motors are coupled, no interaction is given, or an interaction never touches, has fewer than
+            two samples, or has the sensor at an end of its scale for long.
     """
     refuse_coupled(spec)
     if not sensed:
@@ -182,7 +186,7 @@ def design(
 
 
 def _doubts(names: tuple[str, ...], found: Reduction) -> tuple[Finding, ...]:
-    """Find touches that the device does not render even with all its motors."""
+    """Report touches with a large error even with all motors."""
     doubts = []
     for name, error, touch in zip(names, found.error[:, -1].tolist(), found.touch.tolist(), strict=True):
         if error > BOUNDS * touch:
@@ -203,22 +207,23 @@ def _doubts(names: tuple[str, ...], found: Reduction) -> tuple[Finding, ...]:
     return tuple(doubts)
 
 
-SHORT = 0.5  # of the longest: a shorter touch is no repetition, but noise or a slip
-ALIKE = 1.25  # longest over shortest: beyond, they are different touches
+SHORT = 0.5  # share of the longest contact; a shorter contact is no repetition, but noise or a slip
+ALIKE = 1.25  # ratio of the longest to the shortest contact; above it, the contacts are different touches
 
 
 def scatter(readings: Array, touching: NDArray[np.bool_]) -> tuple[int, float]:
-    """Return how often a touch is repeated, and how far its repetitions are from their mean [counts].
+    """Return the number of repetitions of a touch, and their deviation from their mean.
 
-    Repetitions are stretches of contact between rests. They are brought to one length, and compared moment by moment.
+    A repetition is an interval of contact between two intervals of rest. Repetitions are resampled to one length and
+    compared moment by moment.
 
     Args:
         readings: readings of the touch, shape (n, channels).
-        touching: whether they differ from rest, shape (n,).
+        touching: whether each sample differs from rest, shape (n,).
 
     Returns:
-        Count, and root mean square over time of the norm of the difference from the mean, for a sample of so many; (1,
-        nan) where there are not two alike.
+        Number of repetitions, and their standard deviation in the unit of the readings: the variance is summed over
+        channels and averaged over time. (1, nan) if there are no two similar repetitions.
     """
     edges = np.flatnonzero(np.diff(np.concatenate([[False], touching, [False]]).astype(np.int8)))
     runs = edges.reshape(-1, 2)

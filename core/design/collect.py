@@ -1,7 +1,7 @@
-"""Data collection in simulation: a sweep of a device's configurations by workers, resumable.
+"""Simulated data collection: a resumable sweep of a device's configurations.
 
-The sweep is cut into parts; each finished part is a file of its own, whole or not there, so that a collection that was
-stopped goes on where it was. When all parts are there they become one table.
+The sweep is divided into parts that workers compute. Each finished part is written atomically to a file of its own, so
+an interrupted collection continues with the missing parts. When all parts exist, they are joined to one table.
 
 Source: [S2] III.A with the corrections (rows come from rest; the spread of the reversed sweep is told)
 """
@@ -39,8 +39,8 @@ from ..skin.shape import FingertipShape
 from ..surrogate.press_points import press_points, pressed_on
 from ..work.executor import POLL_SECONDS, InlineExecutor, JobExecutor
 
-PART = 1024  # rows in a part: a few seconds of work
-SPREAD_ROWS = 512  # rows that the reversed sweep is made for
+PART = 1024  # rows of a part; it takes a few seconds
+SPREAD_ROWS = 512  # rows of the reversed sweep
 
 _spreads: Recent[tuple[str, str, str, str, int], dict[str, float]] = Recent(8)
 
@@ -57,18 +57,23 @@ def collect(
     points: PressPoints | None = None,
     tissue: str = LINEAR,
 ) -> Generator[tuple[int, int], None, SkinTable]:
-    """Sweep a device's configurations on a fingertip; yield (rows done, rows in all), return the table.
+    """Sweep a device's configurations on a fingertip.
+
+    Yields (finished rows, all rows) and returns the table.
 
     Args:
-        folder: where parts are kept until the table is whole; another folder, or none of its parts, starts anew.
-        level: of the skin's mesh. rows: about how many; as the preset says where None.
-        executor: who does the job 'collect'; this process where None.
-        material: parameters of the skin: young [Pa], poisson and alpha; missing ones have their defaults.
-        points: of this very skin that are pressed, where it has some in a cache that only the caller knows.
+        spec: the device.
+        shape: shape of the fingertip.
+        folder: folder in which parts are kept until the table is complete.
+        level: resolution of the skin's mesh.
+        rows: approximate number of rows; None for that of the preset.
+        executor: executor of the jobs 'collect'; None for this process.
+        material: parameters of the skin: young [Pa], poisson and alpha. Missing parameters have their defaults.
+        points: pressed points of the same skin, if the caller has them already; None computes them.
         tissue: tissue model of the skin, 'linear' or 'neo_hookean'.
 
     Raises:
-        DermisError: a preset without a sweep, parts that cannot be written, or a table with too few rows.
+        DermisError: the preset has no sweep, a part cannot be written, or the table has too few rows.
     """
     skin = _skin(shape, Elastic(**(material or {})), level, tissue)
     points = press_points(skin) if points is None else points
@@ -98,14 +103,18 @@ def collect(
 
 
 def reversed_spread(spec: DeviceSpec, skin: SkinModel, rows: int = SPREAD_ROWS) -> dict[str, float]:
-    """Return how far readings differ when a row is reached from deeper in instead of from rest: friction's doing.
+    """Return the effect of friction history on readings: rows reached from deeper positions or from rest.
 
-    Kept in memory, since it is the same whatever touches are asked about. It is that of linear skin, whatever the
-    tissue: by the law the deep rows that it begins from take minutes, and those that do not settle would be told as
-    friction's doing.
+    The result is kept in memory, because it does not depend on the touches. It is always computed on linear skin: with
+    the nonlinear law the deep rows would take minutes, and rows that do not converge would be counted as an effect of
+    friction.
 
     Returns:
-        'rms' and 'worst' over rows of the root mean square over channels [counts].
+        'rows': number of rows compared. 'rms' and 'worst': root mean square and maximum, over the rows, of the RMS
+        difference of the channels [counts].
+
+    Raises:
+        DermisError: no row of the sweep touches.
     """
     skin = skin.linear
     key = original_key(spec), skin_key(skin), repr(skin.material), pressed_on(skin), rows
@@ -127,7 +136,7 @@ def _spread(spec: DeviceSpec, skin: SkinModel, rows: int) -> dict[str, float]:
 
 
 def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Any) -> dict[str, NDArray[Any]]:
-    """Press one part: the job 'collect'."""
+    """Compute one part of a sweep; this is the job 'collect'."""
     spec = from_preset(str(parameters["key"]), parameters["preset"])
     shape, material = FingertipShape(**parameters["shape"]), Elastic(**parameters["material"])
     skin = _skin(shape, material, str(parameters["level"]), str(parameters.get("tissue", LINEAR)))
@@ -139,13 +148,13 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
 
 
 def _counts(sensor: Readings, pressed: Pressed, rows: NDArray[np.bool_]) -> Array:
-    """Return exact counts of some rows that were pressed."""
+    """Return the counts of selected rows before rounding."""
     return sensor.counts(pressed.force[rows], None if pressed.amounts is None else pressed.amounts[rows])
 
 
 @lru_cache(maxsize=1)
 def _skin(shape: FingertipShape, material: Elastic, level: str, tissue: str) -> SkinModel:
-    """Return a skin; the parts of one collection have the same."""
+    """Return a skin; the last one is kept, because all parts of a collection use the same."""
     made = fingertip_skin(shape, material, level=level)
     return made if tissue == LINEAR else made.with_law()
 
@@ -157,7 +166,10 @@ def _pressed(
     arrays: Mapping[str, NDArray[Any]],
     parameters: Mapping[str, Any],
 ) -> Generator[int, None, None]:
-    """Hand parts out as workers become free, and keep their results; yield how many rows each had, or 0."""
+    """Submit parts as workers become free, and write their results.
+
+    Yields the number of rows of each finished part, and 0 at intervals in which none is finished.
+    """
     queue = list(reversed(todo))
     running: dict[Future[Any], tuple[Path, int]] = {}
     try:
@@ -181,7 +193,7 @@ def _pressed(
 def _whole(path: Path) -> bool:
     try:
         part = _read_part(path)
-    except DermisError:  # missing, or damaged by a full disk: pressed again
+    except DermisError:  # the part is missing or damaged, so it is computed again
         return False
     return part["left"].shape == (4,) and len(part["commands"]) == len(part["readings"])
 
@@ -213,7 +225,7 @@ def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], about: Mapping
 
 
 def _deeper(spec: DeviceSpec) -> DeviceSpec:
-    """Return the same device whose sweep is one step deeper."""
+    """Return the same device with a sweep that is deeper by 1/54 of its range."""
     low, high = spec.parameters["sweep_press"]
     step = (high - low) / 54.0
     return replace(spec, parameters={**spec.parameters, "sweep_press": [low + step, high + step]})

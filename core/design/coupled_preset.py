@@ -1,4 +1,4 @@
-"""A device preset with fewer motors, coupled as a design found; its safe pose comes from the original device's."""
+"""Device preset with fewer, coupled motors, made from the result of a design."""
 
 from __future__ import annotations
 
@@ -18,19 +18,25 @@ from ..files import write_bytes
 from .answer import POOR, Design
 from .synergies import Rule
 
-MARGIN = 0.05  # of a new motor's range, left beyond the need of the interactions on either side
+MARGIN = 0.05  # share of the needed range of a new motor that is added at each end
 
 
 def preset(found: Design, rule: Rule = "touch", motors: int | None = None, name: str = "") -> dict[str, Any]:
     """Return a device preset with fewer motors and the couplings found, as JSON values.
 
-    A new motor's command runs from 0 to 1 over the range of the interactions and of letting go, with a margin. Each
-    original command is the coupling times the new commands plus an offset, so that the pulley radius of motor j on
-    cable i is the original pulley's times `coupling[i][j]` over the new motor's travel. `safe` is missing where motors
-    so coupled cannot let a finger go; `safe_findings` reports it for the written preset.
+    A new motor's command runs from 0 to 1. This range covers the interactions and the safe pose, with a margin. Each
+    original command is the coupling times the new commands, plus an offset. The pulley radius of motor j on cable i is
+    therefore the radius of the original pulley times `coupling[i][j]`, divided by the new motor's travel. `safe` is
+    left out if the coupled motors cannot release a finger; `safe_findings` reports this for the written preset.
+
+    Args:
+        found: result of the design.
+        rule: rule that gives the number of motors.
+        motors: number of motors; None for that of the rule.
+        name: name of the preset; '' to make one.
 
     Raises:
-        DermisError: more motors than the device has, or fewer than one; nobody says how many, and the table is poor.
+        DermisError: `motors` is out of range; or it is None and the design gives no number of motors.
     """
     spec, reduction = found.spec, found.joint
     parts, n = reduction.components, len(reduction.components.mean)
@@ -57,13 +63,13 @@ def preset(found: Design, rule: Rule = "touch", motors: int | None = None, name:
     offset = parts.mean + parts.scale * (parts.directions[:, :k] @ low)
 
     def nearest(original: Array) -> Array:
-        """Return the new command that comes nearest to an original one."""
+        """Return the new commands whose original commands are nearest to the given ones."""
         found = np.linalg.lstsq(matrix / parts.scale[:, None], (original - offset) / parts.scale, rcond=None)[0]
         return np.clip(found, 0.0, 1.0)
 
     rest = nearest(np.array([c.rest for c in spec.channels]))
     unit = spec.channels[0].unit
-    # each new motor crosses its range in one time, so short that no original motor goes faster than it could
+    # All new motors have the same slew limit, for which no original motor exceeds its own even if all new motors move.
     slews = [(i, c.slew) for i, c in enumerate(spec.channels) if c.slew]
     slew = min((s / max(float(np.abs(matrix[i]).sum()), 1e-12) for i, s in slews), default=None)
     why = f"design: {', '.join(found.names)}"
@@ -104,22 +110,24 @@ def preset(found: Design, rule: Rule = "touch", motors: int | None = None, name:
 
 
 def write_preset(made: Mapping[str, Any], path: Path) -> None:
-    """Write a preset as JSON, whole or not at all."""
+    """Write a preset as JSON, atomically."""
     write_bytes(Path(path), (json.dumps(made, indent=2, ensure_ascii=False, allow_nan=False) + "\n").encode())
 
 
 def safe_commands(spec: DeviceSpec) -> Array | None:
-    """Return the safe pose of a device's motors [SI], shape (motors,); None where its preset states none."""
+    """Return the safe pose of a device's motors in SI units, shape (motors,); None if the preset states none."""
     values = safe_state(spec).values
     names = [c.name for c in spec.channels]
     return np.array([values[n] for n in names]) if set(names) <= set(values) else None
 
 
 def coupled_safe(made: DeviceSpec, original: DeviceSpec, commands: Array) -> dict[str, Any] | None:
-    """Return `safe` of a preset with coupled motors, as JSON values; None where they cannot let a finger go.
+    """Return `safe` of a preset with coupled motors as JSON values; None if they cannot release a finger.
 
     Args:
-        commands: commands of the new motors, nearest to the original device's safe pose, shape (motors,).
+        made: the device with coupled motors.
+        original: the original device.
+        commands: commands of the new motors that are nearest to the original device's safe pose, shape (motors,).
     """
     room = clearance(made, commands)
     if not room >= CLEAR:

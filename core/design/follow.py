@@ -1,4 +1,4 @@
-"""A recording of a sensor becomes a device's track: its readings, looked up in a table of the device.
+"""Track of a device from a sensor's recording, by look-up in a table of the device.
 
 Source: [S2] III.B eq. 2-4; with fewer motors eq. 5 and 7; the estimate eq. 8-10
 """
@@ -30,7 +30,7 @@ from .recordings import Recording, same_channels
 from .synergies import components, rendering_error
 from .task import load_table
 
-SLOWEST = 0.5  # [s] between two samples: a live sensor that says nothing for as long ends a stream
+SLOWEST = 0.5  # [s] interval between two samples; a live stream ends after such an interval without a reading
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,15 +38,15 @@ class Followed:
     """A track that follows a recording.
 
     Attributes:
-        track: the device's track, within its limits, from the recording's first sample on.
-        times: time of each sample from the recording's first [s], shape (n,).
+        track: track of the device, within its limits; it starts at the recording's first sample.
+        times: time of each sample since the recording's first [s], shape (n,).
         commands: values of the device's channels at these times, before the track's limits of speed, shape (n,
             channels).
-        target: readings that were followed, in the table's unit, shape (n, channels).
-        expected: readings that the table expects of the commands, before the track's limits, shape (n, channels).
-        touched: samples that can be told from rest, shape (n,).
-        error: root mean square of the expected difference from the target, in the table's unit.
-        touch: root mean square of the target's difference from rest.
+        target: readings to be reproduced, in the table's unit, shape (n, channels).
+        expected: readings that the table predicts for the commands, before the track's limits, shape (n, channels).
+        touched: whether each sample differs from rest by more than the noise, shape (n,).
+        error: root mean square of the difference between expected readings and target, in the table's unit.
+        touch: root mean square of the difference between target and rest, in the table's unit.
         noise: standard deviation of one channel, in the table's unit.
         findings: reasons to doubt the track.
     """
@@ -74,16 +74,19 @@ class Followed:
 def follow(
     spec: DeviceSpec, table: SkinTable, recording: Recording, *, noise: float | None = None, motors: int | None = None
 ) -> Followed:
-    """Return the track with which a device makes a sensor repeat a recording.
+    """Return the track with which a device reproduces the readings of a recording.
 
     Args:
+        spec: the device.
         table: look-up table of the device and the sensor. For a thimble see `thimble_table`.
-        noise: standard deviation of one channel, in the recording's unit; measured on it where None.
-        motors: move along so many principal components of the looked-up commands alone. A preset with couplings has
-            its own.
+        recording: the recording.
+        noise: standard deviation of one channel, in the recording's unit; None to estimate it from the recording.
+        motors: number of principal components of the looked-up commands to which the movement is restricted; None for
+            no restriction. It must be None for a device with coupled motors.
 
     Raises:
-        DermisError: channels or motors that are not the table's, a recording that never touches, or too many motors.
+        DermisError: the recording's channels or the device's motors do not fit the table, the recording never touches,
+            the number of motors is out of range or given for coupled motors, or a thimble can hold none of the poses.
 
     Source: [S2] III.B eq. 2-4, IV.B eq. 5 and 7
     """
@@ -127,7 +130,7 @@ def follow(
 
 
 class Follower:
-    """Follows readings one after the other, as they come from a sensor.
+    """Converts readings into commands one after the other, as they come from a sensor.
 
     Args:
         spec: the device.
@@ -135,11 +138,12 @@ class Follower:
         noise: standard deviation of one channel.
 
     Attributes:
-        beyond: readings with a channel that is farther out than the table holds by more than a tenth of the channel's
-            range in it. They are followed by the nearest rows. first_beyond: the first of them, for people.
+        beyond: number of readings with a channel outside the channel's range in the table by more than a tenth of this
+            range. The nearest rows are used for them.
+        first_beyond: description of the first of these readings; '' if there is none.
 
     Raises:
-        DermisError: a table of another device.
+        DermisError: the table belongs to another device.
     """
 
     def __init__(self, spec: DeviceSpec, table: SkinTable, noise: float = 0.0) -> None:
@@ -152,14 +156,18 @@ class Follower:
         self._least, self._most = known.min(axis=0) - slack, known.max(axis=0) + slack
         self.beyond, self.first_beyond = 0, ""
         self._last: Array = self.table.commands[self.table.rest]
-        # the search is prepared before the first reading comes: by the loudest row, since rest needs none
+        # Prepare the search before the first reading comes. The row farthest from rest is looked up for this, because
+        # readings at rest need no search.
         commands_of(self.table, known[[int(self.table.from_rest(known).argmax())]])
 
     def command(self, reading: Array) -> Array:
-        """Return the device's commands for a reading, shape (channels,), before its limits, shape (motors,).
+        """Return the device's commands for a reading, before the device's limits, shape (motors,).
+
+        Args:
+            reading: readings of all channels, shape (channels,).
 
         Raises:
-            DermisError: another number of channels, or a reading that is not finite.
+            DermisError: the number of channels differs from the table's, or a value is not finite.
         """
         self._last = commands_of(self.table, reading[None], self._last)[0]
         outside = (reading < self._least) | (reading > self._most)
@@ -173,10 +181,15 @@ class Follower:
 
 
 def table_of(spec: DeviceSpec, file: Path, rest_rows: Sequence[int] = ()) -> SkinTable:
-    """Return the table by which a device follows a sensor: of a platform, or of a thimble's poses.
+    """Return the table with which a platform or a thimble follows a sensor.
+
+    Args:
+        spec: the device.
+        file: file of the table.
+        rest_rows: see `load_table`; not allowed for a thimble.
 
     Raises:
-        DermisError: a file that cannot be read, a table of another device, or rows of rest where they are not asked.
+        DermisError: the file cannot be read, the table belongs to another device, or `rest_rows` are not allowed.
     """
     if spec.kind != "thimble":
         return load_table(spec, file, rest_rows)
@@ -186,12 +199,13 @@ def table_of(spec: DeviceSpec, file: Path, rest_rows: Sequence[int] = ()) -> Ski
 
 
 def thimble_table(spec: DeviceSpec, samples: SampleTable, source: str, channels: tuple[str, ...] = ()) -> SkinTable:
-    """Return a recorded table of a thimble's poses for look-ups: pitch, roll [rad] and distance [m] are its commands.
+    """Convert recorded samples of a thimble into a look-up table.
 
-    The rest row is the one farthest from the finger.
+    The commands of the table are the poses: pitch, roll [rad] and distance [m]. The rest row is the one farthest from
+    the finger.
 
     Raises:
-        DermisError: fewer rows than neighbours, or a pose that never changes.
+        DermisError: there are too few rows, or a component of the pose never changes.
     """
     span = np.ptp(samples.x, axis=0)
     if not (span > 0.0).all():
@@ -203,7 +217,7 @@ def thimble_table(spec: DeviceSpec, samples: SampleTable, source: str, channels:
 
 
 def _reduced(spec: DeviceSpec, table: SkinTable, commands: Array, motors: int) -> Array:
-    """Return commands along few components alone. Source: [S2] eq. 5 and 7."""
+    """Return commands restricted to the first components. Source: [S2] eq. 5 and 7."""
     refuse_coupled(spec)
     if not 1 <= motors <= commands.shape[1]:
         raise DermisError("as many motors as the device has", value=motors, limit=f"1 to {commands.shape[1]}")
@@ -211,7 +225,10 @@ def _reduced(spec: DeviceSpec, table: SkinTable, commands: Array, motors: int) -
 
 
 def _held(spec: DeviceSpec, x: Array) -> tuple[Array, Array, list[Finding]]:
-    """Return a thimble's channels for poses, the poses that it can hold, and findings about the others."""
+    """Return a thimble's channels for poses, the poses held, and findings.
+
+    In place of a pose that the thimble cannot hold, the pose before it is held.
+    """
     device: Thimble = thimble_of(spec)
     held, angles, missed = x.copy(), np.empty_like(x), 0
     last = x[[i for i in range(len(x)) if device.feasible(x[i])][:1]]
@@ -232,7 +249,7 @@ def _held(spec: DeviceSpec, x: Array) -> tuple[Array, Array, list[Finding]]:
 
 
 def _sensor(table: SkinTable, recording: Recording) -> list[Finding]:
-    """Tell a table that was swept with the virtual sensor from one of the sensor that made the recording."""
+    """Report a table that was swept with the virtual sensor instead of being recorded."""
     if "source" in table.meta or "channels" in table.meta:
         return []
     return [
@@ -247,7 +264,7 @@ def _sensor(table: SkinTable, recording: Recording) -> list[Finding]:
 
 
 def _slow(recording: Recording) -> list[Finding]:
-    """Tell a recording whose samples are so far apart that touches lie between them."""
+    """Report a recording whose samples are so far apart that a touch can lie between two of them."""
     apart = float(np.median(np.diff(recording.times)))
     if apart <= SLOWEST:
         return []
@@ -257,7 +274,7 @@ def _slow(recording: Recording) -> list[Finding]:
 
 
 def _left(recording: Recording, off: Array, error: float, touch: float) -> list[Finding]:
-    """Find a touch that the table does not reach, and say where most of it is left."""
+    """Report a touch that the table does not reach, and the channel and sample with the largest error."""
     if error <= BOUNDS * touch:
         return []
     poor = error > POOR * touch

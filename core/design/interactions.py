@@ -1,7 +1,7 @@
 """The six interactions of [S2] as scenes: a flat metal surface, moved by hand, touches the finger three times.
 
-Noise and wobble were fixed, and committed, before any result was looked at; so was the paper's rule. The rule that
-relates to the touch was found on seeds 0-2 and committed before any other was judged by it. Nothing is tuned since.
+Noise, wobble and the rule 'paper' were fixed and committed before any result was computed. The rule 'touch' was found
+with seeds 0 to 2 and committed before any other seed was judged by it. Nothing has been tuned since.
 
 Source: [S2] V.A and Fig. 4
 """
@@ -24,14 +24,14 @@ REPETITIONS = 3  # Source: [S2] V.A
 RATE = 100.0  # [Hz]. Source: [S2] III
 FPS = Fraction(25)
 
-TILT = np.radians(20.0)  # of the surface where it touches the back, the tip or a side; chosen
-DEPTH = 1.2e-3  # [m] along the surface's normal, beyond the undeformed skin; chosen
-CLEARANCE = 1.0e-3  # [m] between two repetitions; chosen
-STAGE = 1.0  # [s] from one stop of a movement to the next; chosen
-FRICTION = 0.4  # of metal on skin; chosen
+TILT = np.radians(20.0)  # [rad] tilt of the surface when it touches the back, the tip or a side; chosen
+DEPTH = 1.2e-3  # [m] penetration of the undeformed skin along the surface's normal; chosen
+CLEARANCE = 1.0e-3  # [m] gap between surface and skin between two repetitions; chosen
+STAGE = 1.0  # [s] time from one stop of a movement to the next; chosen
+FRICTION = 0.4  # friction coefficient of metal on skin; chosen
 
-NOISE = 2.0  # standard deviation of every reading, in counts of 12 bits; chosen: one or two of the lowest bits
-KNEE = 0.10  # of both rules: the fewest motors that leave less than this beyond all motors. Fixed by the project
+NOISE = 2.0  # [counts of 12 bits] standard deviation of every reading; chosen: one or two of the lowest bits
+KNEE = 0.10  # limit of both rules: a share that the additional error of fewer motors must not reach; fixed here
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,9 @@ class Wobble:
     """Standard deviations of a hand's unintended movement.
 
     Attributes:
-        tilt: [rad] about each axis. depth: [m]. shift: [m] along the surface.
+        tilt: deviation of the tilt about each axis [rad].
+        depth: deviation of the depth [m].
+        shift: deviation of the position along the surface [m].
         amplitude: relative deviation of each repetition's tilt and depth.
         bandwidth: bandwidth of the movement [Hz].
     """
@@ -53,8 +55,8 @@ class Wobble:
 
 WOBBLE = Wobble()
 
-# Stops of one repetition: tilt about X, tilt about Y, each as a share of TILT. Between two stops the hand rolls on,
-# pressed to DEPTH; it comes from and leaves to CLEARANCE at the first and the last.
+# Stops of one repetition: tilt about X and about Y, each as a share of TILT. Between two stops the surface rolls over
+# the finger at constant DEPTH. Before the first stop and after the last it is at CLEARANCE from the skin.
 _BACK, _TIP, _LEFT, _RIGHT, _FLAT = (-1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (0.0, 0.0)
 STOPS: dict[str, tuple[tuple[float, float], ...]] = {
     "flat": (_FLAT, _FLAT, _FLAT),
@@ -79,12 +81,12 @@ def interaction(
 
     Args:
         name: 'flat', 'back', 'tip', 'left', 'right' or 'complex'.
-        skin: points of the undeformed pad in the finger's frame [m], shape (m, 3): depth is measured from them.
-        seed: seed of the hand's random movement, which differs for each interaction and seed.
-        wobble: how much; `Wobble(0, 0, 0, 0)` for a machine.
+        skin: points of the undeformed pad in the finger's frame [m], shape (m, 3). Depth is measured from them.
+        seed: seed of the hand's random movement, which differs between interactions and between seeds.
+        wobble: size of the hand's random movement; `Wobble(0, 0, 0, 0)` for none.
 
     Raises:
-        DermisError: an unknown interaction, or fewer than one repetition.
+        DermisError: the interaction is unknown, or there is fewer than one repetition.
     """
     if name not in STOPS:
         raise DermisError("no such interaction", where="design", value=name, limit=", ".join(NAMES))
@@ -111,7 +113,10 @@ def interaction(
 def plane_poses(
     name: str, times: Array, skin: Array, rng: np.random.Generator, wobble: Wobble, repetitions: int = REPETITIONS
 ) -> Array:
-    """Return the surface's pose at each time, its upper face being z = 0 of its space, shape (n, 4, 4)."""
+    """Return the surface's pose at each time, shape (n, 4, 4).
+
+    The upper face of the surface is z = 0 in its own space.
+    """
     stops = np.array(STOPS[name])
     knots, tilts, depths = [0.0], [stops[0]], [-CLEARANCE]
     for repetition in range(repetitions):
@@ -137,7 +142,7 @@ def plane_poses(
     poses = np.tile(np.eye(4), (len(times), 1, 1))
     turn = _about("x", pitch) @ _about("y", roll) @ _about("z", yaw)
     normal = turn[:, :, 2]
-    height = (normal @ skin.T).min(axis=1) + depth  # of the plane along its own normal
+    height = (normal @ skin.T).min(axis=1) + depth  # height of the plane along its normal
     poses[:, :3, :3] = turn
     shift = wobble.shift * np.einsum("nij,nj->ni", turn[:, :, :2], shaken[:, 4:6])
     poses[:, :3, 3] = normal * height[:, None] + shift
@@ -154,14 +159,14 @@ def slab() -> Mesh:
 
 
 def _eased(knots: Array, values: Array, times: Array) -> Array:
-    """Go from stop to stop with rest at each: cubic smooth steps."""
+    """Interpolate between stops by cubic smooth steps, with zero velocity at each stop."""
     i = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
     share = smoothstep((times - knots[i]) / (knots[i + 1] - knots[i]))[:, None]
     return (1.0 - share) * values[i] + share * values[i + 1]
 
 
 def _wobble(rng: np.random.Generator, times: Array, bandwidth: float, count: int) -> Array:
-    """Return smooth random series of unit variance with power up to a frequency, shape (n, count)."""
+    """Return smooth random series of unit variance and limited bandwidth [Hz], shape (n, count)."""
     duration = max(float(times[-1] - times[0]), 1.0 / bandwidth)
     waves = max(int(round(bandwidth * duration)), 1)
     phases, weights = rng.uniform(0.0, 2.0 * np.pi, (waves, count)), rng.standard_normal((waves, count))

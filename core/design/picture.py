@@ -1,4 +1,4 @@
-"""The answer to 'how many motors?' as a picture: error against the number of motors.
+"""Picture of a task-driven design: error against the number of motors.
 
 Source: [S2] fig. 7 and 8
 """
@@ -22,10 +22,15 @@ WORDS: dict[Rule, str] = {"touch": "lost of the touch", "paper": "above all moto
 
 
 def write_picture(found: Design, path: Path, rule: Rule = "touch") -> None:
-    """Write error against number of motors as PNG or SVG, by the path's ending; the recommended number is marked.
+    """Write a bar chart of error against number of motors, with the recommended number marked.
+
+    Args:
+        found: result of the design.
+        path: the file; its suffix .png or .svg sets the format.
+        rule: rule that gives the recommended number.
 
     Raises:
-        DermisError: another ending, or the file cannot be written.
+        DermisError: the suffix is unknown, or the file cannot be written.
     """
     width, height = 640.0, 360.0
     suffix = Path(path).suffix.lower()
@@ -43,7 +48,7 @@ def _draw(found: Design, canvas: Canvas, width: float, height: float, rule: Rule
     said = "no number" if motors is None else f"{motors} of {n}" if motors < n else f"all {n}"
     said = said if motors is not None else f"{said}, all motors together leave too much"
     canvas.text(LEFT, 42, f"{said}, for {', '.join(found.names)}"[:80], 8.5, FAINT)
-    # beyond 160 % a bar says no more: it is cut, and its number stands on it
+    # A bar is cut at 160 %, because longer ones are not more informative; its number stands above it.
     most = min(max(float(np.max([found.joint.mean_percent(r) for r in RULES])), 1.5 * limit), 160.0)
     box = (LEFT, TOP, width - LEFT - RIGHT, height - TOP - BOTTOM)
     axes = Axes(canvas, box, (0.5, n + 0.5), (0.0, 1.1 * most))

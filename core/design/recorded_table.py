@@ -1,4 +1,6 @@
-"""Tables from outside: motor commands, in SI or in the unit of a column's name, with a sensor's readings at each.
+"""Imported tables: motor commands with a sensor's readings at each.
+
+Commands are in SI units, or in the unit that a column's name gives.
 
 Source: [S2] III
 """
@@ -20,10 +22,10 @@ from ..matching.table import SkinTable
 from ..number_rows import Rows
 from .sensor_columns import check_channels, sensor_columns
 
-# Units differ by 1,000, or by the size of a converter's count. No two parts of a table are apart by this in every
-# channel.
+# A change of unit multiplies the readings of all channels by more than this factor. Units differ by 1,000, or by the
+# size of a converter's count; two parts of a table in one unit do not differ by this factor in every channel.
 FACTOR = 8.0
-SLACK = 0.01  # of a motor's range, that a recorded command may lie beyond its ends
+SLACK = 0.01  # share of a motor's range by which a recorded command may lie outside the range
 
 
 def read_table(
@@ -31,17 +33,20 @@ def read_table(
 ) -> SkinTable:
     """Read a table of motor commands with sensor readings, and find its rest row.
 
-    Of rows given as untouched, the one whose reading is nearest to their mean stands for all. Where none is given, it
-    is the row whose command is nearest to the device at rest; rows that read just as it does are dropped. Neither
-    depends on the order of the channels or on their unit.
+    If `rest_rows` are given, the rest row is the one among them whose readings are nearest to their mean. Otherwise it
+    is the row whose command is nearest to the device at rest. The other rows given, and all rows with the same readings
+    as the rest row, are dropped. The result does not depend on the order or on the unit of the channels.
 
     Args:
-        scale: range of each motor, SI, shape (motors,). ends: least and greatest command, shape (2, motors).
-        at_rest: command of the device at rest, SI, shape (motors,); its least commands where None.
+        path: the CSV file.
+        scale: range of each motor in SI units, shape (motors,).
+        ends: least and greatest command of each motor, shape (2, motors); None to leave out the check.
+        at_rest: command of the device at rest in SI units, shape (motors,); None for the least commands in the table.
         rest_rows: rows in which nothing is touched, counted from 1 below the line of names.
 
     Raises:
-        DermisError: see `sensor_columns`; fewer rows than neighbours, or commands that the motors cannot do.
+        DermisError: see `sensor_columns` and `check_channels`; also if there are too few rows, a command is out of
+            range, a motor never moves, the unit of the readings changes, or a row of rest does not exist.
     """
     path = Path(path)
     motors = len(scale)
@@ -98,7 +103,11 @@ def read_table(
 
 
 def _units(readings: Array, rows: Rows) -> None:
-    """Refuse a table that goes on in another unit: from a row on all channels read many times as much, or as little."""
+    """Refuse a table whose unit changes.
+
+    This is the case if, in every channel, all rows from one row on are larger, or smaller, than all rows before by more
+    than `FACTOR`.
+    """
     size = np.abs(readings)
     least, most = (np.minimum.accumulate, np.maximum.accumulate)
     for one, up in ((size, True), (size[::-1], False)):
@@ -118,7 +127,7 @@ def _units(readings: Array, rows: Rows) -> None:
 
 
 def rest_finding(table: SkinTable) -> tuple[Finding, ...]:
-    """Tell which row of a recorded table was taken for the untouched one, where nobody said it."""
+    """Report the rest row of a recorded table if it was not stated."""
     if table.meta.get("rest_said", True):
         return ()
     return (
@@ -134,6 +143,9 @@ def rest_finding(table: SkinTable) -> tuple[Finding, ...]:
 
 
 def _smallest(readings: Array) -> NDArray[Any]:
-    """Return whole counts in 16 bits, which tables are fast and small with, and all else as it is."""
+    """Return readings as 16-bit integers if they are whole counts of this range, else unchanged.
+
+    Tables of 16-bit integers are smaller and faster.
+    """
     whole = readings.astype(np.uint16) if 0.0 <= readings.min() and readings.max() < 2**16 else readings
     return whole if np.array_equal(whole, readings) else readings

@@ -1,7 +1,7 @@
-"""Recordings from outside: channels of a sensor over time.
+"""Imported recordings: channels of a sensor over time.
 
-They are CSV with one line of names: a column 'time' [s] and one for each channel, any number of them, in any unit,
-whole or fractional.
+A recording is a CSV file with one line of names. Its columns are 'time' [s] and any number of channels, in any unit,
+as whole or fractional numbers.
 
 Source: [S2] III, whose sensor has 19 electrodes and DC pressure, 12 bits
 """
@@ -22,13 +22,16 @@ from ..number_rows import Rows
 from ..skin.sensor import noise_of
 from .sensor_columns import check_channels, sensor_columns
 
-# A change of unit: in as many channels, by more than this factor, alike in all but for this. Units differ by 1,000, or
-# by the size of a converter's count; no touch multiplies three channels or more by one number within a sample.
+# A change of unit multiplies all channels, at least MANY, by more than FACTOR (or by less than 1 / FACTOR) between two
+# samples, and the factors of the channels differ by less than ALIKE times. Units differ by 1,000, or by the size of a
+# converter's count. No touch multiplies three channels or more by one number within a sample.
 MANY, FACTOR, ALIKE = 3, 8.0, 1.2
-# Between noisy samples: readings and their steps alike, in so many samples before and after, by more than `LARGE` in
-# each channel. A touch that sets in changes steps less than readings, since the sensor's noise stays.
+# In noisy recordings a change of unit shows in medians over BESIDE samples before and after it. The median size of the
+# readings and that of their steps change by more than LARGE times, alike in all channels but for less than ABOUT times.
+# At the beginning of a touch the steps change less than the readings, because the sensor's noise stays the same.
 BESIDE, LARGE, ABOUT = 10, 100.0, 4.0
-GAP, MISSED = 0.2, 10.0  # [s], and in samples: a touch can begin and end in a longer gap, so no line bridges it
+# GAP [s] and MISSED [median intervals]: a gap longer than both is refused, because a touch can begin and end in it.
+GAP, MISSED = 0.2, 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +42,9 @@ class Recording:
         name: name of the file.
         times: time of each sample [s], rising, shape (n,).
         readings: readings in the sensor's own unit, shape (n, channels).
-        channels: the readings' names, in their order.
-        rest: the part in which nothing is touched, from and to [s], counted from the first sample; None where nobody
-            says it.
-        beside: columns that are no channels of the sensor, such as a sync pulse, by name, shape (n,) each.
+        channels: names of the readings, in their order.
+        rest: start and end of the interval in which nothing is touched [s], from the first sample; None if unknown.
+        beside: values of columns that are not channels of the sensor, such as a sync pulse, by name, shape (n,) each.
     """
 
     name: str
@@ -54,15 +56,22 @@ class Recording:
 
     @property
     def noise(self) -> float:
-        """Standard deviation of one channel's noise, in the readings' unit: at rest, else by second differences."""
+        """Standard deviation of one channel's noise, in the readings' unit.
+
+        It is computed from the samples at rest, or from second differences if the rest is unknown.
+        """
         if self.rest is None:
             return noise_of(self.readings)
         return float(np.sqrt(self._resting().var(axis=0, ddof=1).mean()))
 
     def tared(self, rest: Array) -> Array:
-        """Return the readings moved so that those at rest are, on average, those of a table's rest row, shape (c,).
+        """Return the readings, shifted so that their mean at rest is the rest row of a table.
 
-        A sensor's rest drifts from day to day. If the rest is not given, the readings are not changed.
+        The shift compensates for the sensor's drift from day to day. If the interval of rest is unknown, the readings
+        are returned unchanged.
+
+        Args:
+            rest: readings of the table's rest row, shape (channels,).
         """
         return self.readings if self.rest is None else self.readings + (rest - self._resting().mean(axis=0))
 
@@ -76,13 +85,15 @@ def read_recording(path: Path, rest: tuple[float, float] | None = None, beside: 
     """Read a recording of a sensor.
 
     Args:
-        rest: the part in which nothing is touched, from and to [s], counted from the first sample.
-        beside: names of columns that are no channels of the sensor.
+        path: the CSV file.
+        rest: start and end of the interval in which nothing is touched [s], from the first sample; None if unknown.
+        beside: names of columns that are not channels of the sensor.
 
     Raises:
-        DermisError: no channels, one that is constant or saturated, rows of different lengths, a transposed file,
-            a column without a name, values that are no numbers, times that do not rise, a gap, times whose unit nobody
-            says and that can hardly be seconds, a unit that changes; a rest with fewer than two samples.
+        DermisError: the file has no channels, a constant or saturated channel, rows of different lengths, a column
+            without a name, values that are not numbers, or times that do not rise; it is transposed, has a gap, or its
+            unit changes; the times have no unit and can hardly be seconds; or `rest` has fewer than two samples or goes
+            on after the recording.
     """
     path = Path(path)
     rows = sensor_columns(path, 1, "a column 'time' and one a channel")
@@ -113,10 +124,10 @@ def read_recording(path: Path, rest: tuple[float, float] | None = None, beside: 
 
 
 def same_channels(recording: Recording, table: SkinTable) -> None:
-    """Refuse a recording whose channels are not a table's: their number, and a recorded table's names and order.
+    """Check that the channels of a recording are those of a table.
 
     Raises:
-        DermisError: another number, another name, or another order.
+        DermisError: the number of channels differs or, for a recorded table, their names or their order.
     """
     channels = table.readings.shape[1]
     if len(recording.channels) != channels:
@@ -145,7 +156,7 @@ def same_channels(recording: Recording, table: SkinTable) -> None:
 
 
 def _gaps(times: Array, rows: Rows) -> None:
-    """Refuse a recording in which samples are missing for long."""
+    """Refuse a recording with a long gap, or with times whose unit changes."""
     steps = np.diff(times)
     usual = float(np.median(steps))
     short = np.flatnonzero(steps < usual / MISSED)
@@ -171,7 +182,7 @@ def _gaps(times: Array, rows: Rows) -> None:
 
 
 def _units(readings: Array, rows: Rows) -> None:
-    """Refuse a recording in which all channels are multiplied by one factor at once: its unit changes there."""
+    """Refuse a recording whose unit changes, which multiplies all channels by one factor at once."""
     if readings.shape[1] < MANY:
         return
     before, after = readings[:-1], readings[1:]
@@ -192,7 +203,11 @@ def _units(readings: Array, rows: Rows) -> None:
 
 
 def _noisy_change(readings: Array) -> list[tuple[int, float]]:
-    """Return the first row from which on all channels and their steps are multiplied, and the logarithm of by what."""
+    """Find the first change of unit in noisy readings.
+
+    Returns:
+        The first row in the new unit, and the logarithm of the factor; empty if there is none.
+    """
     size, most = np.abs(readings), 0.5 * readings.shape[1]
     up, down = ((FACTOR * a < b).sum(axis=1) > most for a, b in ((size[:-1], size[1:]), (size[1:], size[:-1])))
     for row in (np.flatnonzero(up | down) + 1).tolist():

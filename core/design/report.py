@@ -1,4 +1,4 @@
-"""The answer to 'how many motors?' as text and as JSON.
+"""Reports of a task-driven design: text and JSON.
 
 Source: [S2] IV and V
 """
@@ -14,7 +14,9 @@ from ..parameters.error_bands import LINEAR
 from .answer import LOW_RANK, POOR, VIRTUAL, Design
 from .synergies import RULES, Reduction, Rule
 
-FORMAT = 3  # of the JSON: 2 called every unit counts and every sensor virtual, and had a number where a table is poor
+# Version of the JSON. In version 2 every unit was called counts, every sensor was called virtual, and there was a
+# number of motors even for a poor table.
+FORMAT = 3
 
 
 def as_json(found: Design) -> dict[str, Any]:
@@ -41,7 +43,7 @@ def as_json(found: Design) -> dict[str, Any]:
             "components": parts.directions.T.tolist(),
         }
         if isinstance(radius, float) and given:
-            # as the paper draws them: multiples of the coefficients; the largest is the original pulley
+            # Multiples of the coefficients, as in the figures of [S2]; the largest one is the original pulley's radius.
             e = parts.directions[:, :k]
             result["pulley_radii_m"] = (radius * e / np.abs(e).max(axis=0)).tolist()
         return result
@@ -131,7 +133,10 @@ def as_text(found: Design) -> str:
 
 
 def _headline(found: Design) -> list[str]:
-    """Return the answer; where there is none, or it stands on little, the reason before it."""
+    """Return the number of motors in sentences, or the reason why there is none.
+
+    If the commands are not of low rank, a warning comes first.
+    """
     reduction, n = found.joint, len(found.spec.channels)
     motors, limit = found.motors(), 100 * reduction.limit
     if motors is None:

@@ -1,4 +1,4 @@
-"""Columns of a sensor's readings in a file from outside: names and numbers, and channels that cannot be used."""
+"""Reading and checking of an imported file with columns of a sensor's readings."""
 
 from __future__ import annotations
 
@@ -12,18 +12,20 @@ from ..errors import DermisError
 from ..matching.readings import SATURATED, at_the_end
 from ..number_rows import Rows, lines_of, number, numbers_of
 
-LONGEST = 4_000_000  # lines; a whole day at 100 Hz is about twice that, and no interaction
+LONGEST = 4_000_000  # largest number of lines of a file: half a day at 100 Hz, longer than any interaction
 
 
 def sensor_columns(path: Path, leading: int, wanted: str) -> Rows:
-    """Read names and numbers; errors name the problem in the shape of the file.
+    """Read the names and the numbers of a file.
 
     Args:
-        leading: columns before those of the sensor. wanted: all columns, for people.
+        path: the file.
+        leading: number of columns before those of the sensor.
+        wanted: description of the expected columns, for errors.
 
     Raises:
-        DermisError: no data, a transposed file, columns without a name or with the same one, lines of another length,
-            or values that are no finite numbers.
+        DermisError: the file has no data, too many lines, too few columns or no line of names; it is transposed; two
+            columns have the same name or one has none; lines differ in length; or a value is not a finite number.
     """
     where = str(path)
     lines, separator, _ = lines_of(path)
@@ -79,7 +81,7 @@ def sensor_columns(path: Path, leading: int, wanted: str) -> Rows:
 
 
 def check_channels(readings: Array, names: Sequence[str], where: str) -> None:
-    """Refuse channels that are dead or saturated.
+    """Refuse constant and saturated channels.
 
     Raises:
         DermisError: a channel is constant, or at an end of its scale for long.

@@ -1,4 +1,4 @@
-"""Shared pulleys: original motors that every new motor moves nearly alike may hang on one pulley, which costs little.
+"""Shared pulleys: original motors that all new motors move nearly alike, and the cost of one pulley.
 
 Source: [S2] VI ('finding subsets of the coefficients that are similar, and coupling the corresponding cables')
 """
@@ -15,7 +15,8 @@ from ..matching.lookup import readings_for
 from ..matching.table import SkinTable
 from .synergies import Components, Reduction, rendering_error
 
-# Of a component's largest coefficient. [S2] calls 0.65 and 0.61 similar, and -0.34 and -0.30 beside 0.89: 6 and 4 %.
+# Share of a component's largest coefficient by which similar coefficients may differ. [S2] calls 0.65 and 0.61 similar,
+# and also -0.34 and -0.30 beside 0.89; these differ by 6 % and 4 % of the largest.
 ALIKE = 0.1
 
 
@@ -25,7 +26,8 @@ class SharedPulleys:
 
     Attributes:
         groups: indices of two or more motors that may share a pulley, rising; empty if none may.
-        percent: additional error of the touch where they share, mean over the interactions [%].
+        percent: additional error if the motors of each group share a pulley, relative to the touch; mean over the
+            interactions [%].
     """
 
     groups: tuple[tuple[int, ...], ...] = ()
@@ -56,7 +58,7 @@ def alike(directions: Array, share: float = ALIKE) -> tuple[tuple[int, ...], ...
 
 
 def with_shared(parts: Components, commands: Array, k: int, groups: Sequence[Sequence[int]]) -> Array:
-    """Return the commands that k components make of the given ones where groups of motors move as one, shape (q, n)."""
+    """Return the commands restricted to k components with equal coefficients within each group, shape (q, n)."""
     e = parts.directions[:, :k].copy()
     for group in groups:
         e[list(group)] = e[list(group)].mean(axis=0)
@@ -69,10 +71,14 @@ def with_shared(parts: Components, commands: Array, k: int, groups: Sequence[Seq
 def shared_pulleys(
     table: SkinTable, sensed: Sequence[Array], commands: Sequence[Array], found: Reduction, motors: int
 ) -> SharedPulleys:
-    """Return which original motors may share a pulley with so many new motors, and the additional error of the touch.
+    """Find the original motors that may share a pulley, and the additional error.
 
     Args:
-        sensed: target readings of each interaction, each (q_i, channels). commands: looked up, each (q_i, n).
+        table: effect of the device on the skin.
+        sensed: target readings of each interaction, shape (q_i, channels) each.
+        commands: commands looked up for these readings, shape (q_i, n) each.
+        found: errors and principal components of these interactions.
+        motors: number of new motors.
     """
     groups = alike(found.components.directions[:, :motors])
     if not groups:

@@ -1,9 +1,10 @@
-"""Synergies: how few motors render a touch, and how each must be coupled to the original ones.
+"""Synergies: the fewest motors for a touch, and their coupling to the original motors.
 
-Commands are centred and each divided by its motor's range before components are sought, so that mm and degrees weigh
-alike. The additional error of fewer motors is judged by one of two rules: as a share of the touch itself, or,
-as the paper does, of the error of all motors. The paper's has no answer where all motors together leave less than the
-hand wobbles from one repetition to the next: it then asks for motors that render the wobble.
+Before principal components are computed, the commands are centred and divided by each motor's range, so that mm and
+degrees have equal weight. The additional error of fewer motors is judged by one of two rules. The rule 'touch' divides
+it by the size of the touch, the rule 'paper' of [S2] by the error of all motors. The rule 'paper' is not meaningful if
+the error of all motors is smaller than the differences between a hand's repetitions: it then requires motors that
+render these differences.
 
 Source: [S2] IV with the corrections: eq. 5 on centred commands, eq. 7 with the mean of all N columns
 """
@@ -25,9 +26,9 @@ from ..matching.table import SkinTable
 Rule = Literal["touch", "paper"]
 RULES: tuple[Rule, ...] = get_args(Rule)
 
-STILL = 1e-9  # of a motor's range: commands that move less are at rest
-ROUNDED = 1.0 / 12.0  # [steps^2] a channel's mean square when read in whole steps: errors below say nothing
-NOUGHT = 1e-12  # of the touch: where readings have no step, errors below are rounding's
+STILL = 1e-9  # share of a motor's range; motors whose commands deviate less from their mean do not move
+ROUNDED = 1.0 / 12.0  # [steps^2] mean square error of a channel by rounding to whole steps; smaller errors mean nothing
+NOUGHT = 1e-12  # share of the touch; if readings have no step, smaller errors are rounding errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,7 @@ class Components:
     Attributes:
         mean: mean of the commands, in SI, shape (n,).
         scale: range of each motor, shape (n,).
-        directions: columns E, of scaled commands, orthonormal, shape (n, n).
+        directions: matrix E, whose columns are the directions of the scaled commands, orthonormal, shape (n, n).
         variance: variance of the scaled commands along each component, shape (n,).
     """
 
@@ -57,18 +58,19 @@ class Components:
         return ((commands - self.mean) / self.scale) @ self.directions[:, :k]
 
     def reconstructed(self, commands: Array, k: int) -> Array:
-        """Return the commands that k components make of the given ones, shape (q, n). Source: [S2] eq. 7."""
+        """Return the commands restricted to the first k components, shape (q, n). Source: [S2] eq. 7."""
         return self.mean + (self.amounts(commands, k) @ self.directions[:, :k].T) * self.scale
 
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """What fewer motors cost.
+    """Errors of fewer motors.
 
     Attributes:
         components: principal components of all interactions together.
-        error: root mean square of the sensed difference for k = 1..n, in the table's unit, a row a touch, (i, n).
-        touch: root mean square of how far each interaction is from rest, over the same samples and unit, shape (i,).
+        error: RMS error of the readings of each interaction with k = 1..n motors, in the table's unit, shape (i, n).
+        touch: RMS difference of the readings of each interaction from rest, over the same samples and in the same unit,
+            shape (i,).
         resolution: error caused by readings in whole steps, in the same unit; 0 if the readings have no step.
         limit: limit of the rules, a share such as 0.1.
     """
@@ -82,8 +84,9 @@ class Reduction:
     def percent(self, rule: Rule = "touch") -> Array:
         """Return the additional error of k motors, in percent of the rule's reference, shape (i, n).
 
-        'touch': of the touch; a stronger sensor, and rest before and after it, change both alike. 'paper': of the
-        error that all motors leave, or that whole steps leave where that is less. Source: [S2] eq. 12.
+        The reference of 'touch' is the size of the touch: a more sensitive sensor, and rest before or after the touch,
+        change both by the same factor. The reference of 'paper' is the error with all motors, but at least `least`.
+        Source: [S2] eq. 12.
         """
         best = self.error[:, -1:]
         whole = self.touch[:, None] if rule == "touch" else best
@@ -91,31 +94,39 @@ class Reduction:
 
     @property
     def least(self) -> Array:
-        """The least error of each interaction that says anything, shape (i,)."""
+        """The smallest meaningful error of each interaction, shape (i,)."""
         return np.maximum(self.resolution, NOUGHT * self.touch)
 
     def mean_percent(self, rule: Rule = "touch") -> Array:
-        """Return the mean of the interactions' percentages, (n,). The ratio of mean errors would be another number."""
+        """Return the mean of the interactions' percentages, shape (n,).
+
+        It is not the ratio of the mean errors.
+        """
         return self.percent(rule).mean(axis=0)
 
     def motors(self, rule: Rule = "touch") -> int:
-        """Return the fewest motors within the rule, for the mean of the percentages."""
+        """Return the fewest motors whose mean percentage is below the rule's limit."""
         return knee(self.mean_percent(rule), self.limit)
 
     def limits(self, rule: Rule = "touch") -> tuple[float, float]:
-        """Return above which limit and up to which the rule gives the same number of motors, as shares."""
+        """Return the range of limits for which a rule gives the same number of motors.
+
+        Returns:
+            Lower end (excluded) and upper end (included), as shares.
+        """
         mean, k = self.mean_percent(rule) / 100.0, self.motors(rule)
         return float(max(mean[k - 1], 0.0)), float(mean[: k - 1].min(initial=np.inf))
 
 
 def components(commands: Array, scale: Array) -> Components:
-    """Return the principal components of centred commands, each over its motor's range.
+    """Return the principal components of commands, centred and divided by each motor's range.
 
     Args:
-        commands: SI, shape (q, n). scale: range of each motor, shape (n,).
+        commands: commands in SI units, shape (q, n).
+        scale: range of each motor, shape (n,).
 
     Raises:
-        DermisError: fewer than two samples, shapes that do not fit, or commands that never change.
+        DermisError: there are fewer than two samples, the shapes do not fit, or the commands never change.
     """
     q, n = commands.shape
     if q < 2 or scale.shape != (n,):
@@ -129,17 +140,18 @@ def components(commands: Array, scale: Array) -> Components:
     if np.abs(scaled).max() <= STILL:
         raise DermisError("the motors never move", where="design", remedy="Choose a scene in which something touches")
     _, _, vectors = np.linalg.svd(scaled, full_matrices=True)
-    vectors = vectors * np.where(vectors.sum(axis=1) < 0.0, -1.0, 1.0)[:, None]  # together is forwards
+    # The sign of a component is arbitrary; it is chosen so that the sum of the coefficients is not negative.
+    vectors = vectors * np.where(vectors.sum(axis=1) < 0.0, -1.0, 1.0)[:, None]
     return Components(mean, scale, vectors.T, (scaled @ vectors.T).var(axis=0))
 
 
 def rendering_error(target: Array, rendered: Array) -> float:
-    """Return the root mean square over time of the norm of the sensed difference. Source: [S2] eq. 11."""
+    """Return the root mean square over time of the norm of the difference. Source: [S2] eq. 11."""
     return float(np.sqrt(((rendered - target) ** 2).sum(axis=1).mean()))
 
 
 def knee(percent: Array, limit: float) -> int:
-    """Return the smallest k whose percentage is less than `limit` (a share)."""
+    """Return the smallest k whose percentage is below `limit` (a share); the number of motors if none is."""
     below = np.flatnonzero(np.asarray(percent) < 100.0 * limit)
     return int(below[0]) + 1 if len(below) else len(percent)
 
@@ -147,16 +159,16 @@ def knee(percent: Array, limit: float) -> int:
 def reduce(
     table: SkinTable, sensed: Sequence[Array], limit: float, *, commands: Sequence[Array] | None = None
 ) -> Reduction:
-    """Return what fewer motors cost.
+    """Compute the errors of fewer motors.
 
     Args:
         table: effect of the device on the skin.
-        sensed: the target readings of each interaction, in the table's unit, each (q_i, channels).
+        sensed: target readings of each interaction, in the table's unit, shape (q_i, channels) each.
         limit: limit of the rules, a share such as 0.1.
-        commands: looked up already; else by the table.
+        commands: commands for each interaction's readings, shape (q_i, n) each; None looks them up in the table.
 
     Raises:
-        DermisError: no interaction, or one in which the motors never move.
+        DermisError: there is no interaction, or the motors move in none of them.
     """
     if not sensed:
         raise DermisError("no interaction", where="design", remedy="Give at least one scene or recording")

@@ -1,4 +1,4 @@
-"""From scenes and recordings to an answer: the work of the command line and the panel."""
+"""Task-driven design from scenes and recordings, for the command line and the panel."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ from .report import as_json, as_text
 from .synergies import Rule
 from .trial import sense
 
-ROWS = 9261  # of the table where nobody says: 21 steps a motor, a few seconds
+ROWS = 9261  # default number of rows of a table: 21 steps for each of three motors, a few seconds
 Sensed = Mapping[str, NDArray[Any] | Recording]
 
 
 @dataclass(frozen=True)
 class Step:
-    """Progress of a design: `done` of `total` steps of a stage."""
+    """Progress of a design: `done` steps of a stage out of `total`."""
 
     stage: str
     done: int
@@ -56,7 +56,14 @@ class Step:
 def sense_scene(
     scene: TactileScene, skin: SkinModel, finger: int = 0, *, noise: float = NOISE, seed: int = 0
 ) -> Generator[Step, None, NDArray[np.uint16]]:
-    """Return the readings of one finger's virtual sensor along a scene, at 100 Hz.
+    """Return the readings of one finger's virtual sensor during a scene, at 100 Hz.
+
+    Args:
+        scene: the scene.
+        skin: skin of the finger.
+        finger: index of the finger.
+        noise: standard deviation of one channel [counts].
+        seed: seed of the noise.
 
     Raises:
         DermisError: the scene has no such finger, or cannot be rendered.
@@ -76,7 +83,7 @@ def sense_scene(
 
 
 def sense_touch(touch: SkinContact, *, noise: float = NOISE, seed: int = 0) -> NDArray[np.uint16]:
-    """Return the readings of the virtual sensor along the states of a skin, such as a bake's, at 100 Hz."""
+    """Return the readings of the virtual sensor for a touch, such as that of a bake, at 100 Hz."""
     sensed = sense(touch, noise, seed)
     if len(touch.times) < 2 or np.abs(np.diff(touch.times) * RATE - 1.0).max() < 1e-6:
         return sensed
@@ -85,13 +92,14 @@ def sense_touch(touch: SkinContact, *, noise: float = NOISE, seed: int = 0) -> N
 
 
 def load_table(spec: DeviceSpec, file: Path, rest_rows: Sequence[int] = ()) -> SkinTable:
-    """Return a device's table from a file: .npz collected, .csv recorded.
+    """Load a device's table: a recorded one from .csv, a collected one from any other file.
 
     Args:
         rest_rows: rows of a recorded table in which nothing is touched, counted from 1 below the line of names.
 
     Raises:
-        DermisError: a file that cannot be read, a table of another device, or rows of rest for a collected table.
+        DermisError: the file cannot be read, the table belongs to another device, or `rest_rows` are given for a
+            collected table.
     """
     if file.suffix.lower() == ".csv":
         ends = np.array([ends_of(channel) for channel in original_channels(spec)]).T
@@ -117,15 +125,15 @@ def table_for(
     adaptive: bool = False,
     noise: float = NOISE,
 ) -> Generator[Step, None, SkinTable]:
-    """Return a device's table, swept by an executor and kept in a folder.
+    """Compute a device's table by a sweep; see `collect` for the other arguments.
 
     Args:
-        adaptive: spend the rows where the device touches and where its readings bend; in this process, from the start.
-        noise: standard deviation of one channel [counts]: an adaptive table's rows are not spent on differences below
-            it.
+        adaptive: whether the rows are placed where the device touches and where its readings are curved. An adaptive
+            sweep runs in this process, and does not use `folder` and `executor`.
+        noise: standard deviation of one channel [counts]; an adaptive sweep does not resolve smaller differences.
 
     Raises:
-        DermisError: a sweep that fails, or an adaptive one whose rows nobody says.
+        DermisError: the sweep fails, or `rows` is None for an adaptive sweep.
     """
     if adaptive:
         if rows is None:
@@ -147,16 +155,17 @@ def answer(
     skin: SkinModel | None = None,
     spread: bool = False,
 ) -> Generator[Step, None, Design]:
-    """Return how many motors the sensed interactions need.
+    """Find how many motors the sensed interactions need.
 
     Args:
         noise: standard deviation of one channel of the virtual sensor [counts].
-        recorded_noise: the same of recordings, in their own unit; measured on each where None.
+        recorded_noise: standard deviation of one channel of the recordings, in their own unit; None to estimate it from
+            each recording.
         skin: skin of the interactions, if they are simulated. A table made with another skin is then reported.
-        spread: tell the spread of the reversed sweep on that skin too; a second.
+        spread: whether to compute `reversed_spread` on this skin as well, which takes about a second.
 
     Raises:
-        DermisError: see `answer.design`; or a recording whose channels are not those of a recorded table.
+        DermisError: see `answer.design`; also if the channels of a recording are not those of the table.
     """
     yield Step("components", 0, 1)
     targets, sensors, noises = {}, {}, []
@@ -177,13 +186,13 @@ def answer(
 
 
 def read_sensed(paths: Sequence[Path], rest: tuple[float, float] | None = None) -> dict[str, Recording]:
-    """Read recordings, by the names of their files.
+    """Read recordings into a dictionary by the names of their files.
 
     Args:
-        rest: the part of each in which nothing is touched, from and to [s].
+        rest: start and end of the interval of each recording in which nothing is touched [s].
 
     Raises:
-        DermisError: one that cannot be used, or two of one name.
+        DermisError: a recording cannot be used, or two recordings have the same name.
     """
     found: dict[str, Recording] = {}
     for path in paths:
@@ -197,10 +206,10 @@ def read_sensed(paths: Sequence[Path], rest: tuple[float, float] | None = None) 
 def write(found: Design, folder: Path, *, rule: Rule = "touch", motors: int | None = None) -> tuple[Path, ...]:
     """Write report.txt, report.json, report.png and the new preset into a folder; return their paths.
 
-    There is no preset where no number of motors is given: neither by `motors` nor, with a poor table, by the rule.
+    No preset is written if `motors` is None and an interaction is rendered so poorly that the rule gives no number.
 
     Raises:
-        DermisError: more motors than the device has, or a folder that cannot be written.
+        DermisError: `motors` is out of range, or the folder cannot be written.
     """
     folder = Path(folder)
     made = preset(found, rule, motors) if motors is not None or not found.poor else None

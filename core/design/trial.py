@@ -1,4 +1,4 @@
-"""The trial by the six interactions: sensed with noise and wobble, do they give the numbers of motors expected?
+"""Trial of the design rules: numbers of motors for the six interactions of [S2], with noise and wobble.
 
 Source: [S2] V; the rule, the noise and the wobble are those fixed in `interactions`
 """
@@ -23,12 +23,15 @@ from .synergies import RULES, reduce
 
 @dataclass(frozen=True)
 class Verdict:
-    """One interaction of one seed.
+    """Result for one interaction and one seed.
 
     Attributes:
-        name, seed: which. expected: motors. found: motors, by rule.
-        percent: additional error of k = 1..n motors over that of all motors [%], by rule.
-        error: with all motors [counts]. touch: from rest [counts].
+        name, seed: name of the interaction, and seed.
+        expected: number of motors in [S2].
+        found: number of motors by each of `RULES`.
+        percent: additional error of k = 1..n motors by each of `RULES` [%], see `Reduction.percent`.
+        error: RMS error with all motors [counts].
+        touch: RMS difference of the touch from rest [counts].
     """
 
     name: str
@@ -50,7 +53,7 @@ def felt(skin: SkinModel, name: str, seed: int, wobble: Wobble = WOBBLE) -> Skin
 
 
 def sense(touch: SkinContact, noise: float = NOISE, seed: int = 0) -> Counts:
-    """Return the readings of the virtual sensor along a touch, sample by sample, shape (n, 20), with seeded noise."""
+    """Return the virtual sensor's readings of a touch, with noise from a seed, shape (n, 20)."""
     sensor = readings_of(touch.model)
     exact = np.tile(sensor.rest, (len(touch.times), 1))
     if len(touch.contact):
@@ -60,7 +63,7 @@ def sense(touch: SkinContact, noise: float = NOISE, seed: int = 0) -> Counts:
 
 
 def judge(table: SkinTable, sensed: NDArray[Any], name: str, seed: int, limit: float = KNEE) -> Verdict:
-    """Return how many motors one interaction needs, its components being its own."""
+    """Find how many motors one interaction needs, with the principal components of this interaction."""
     found = reduce(table, [np.asarray(sensed, np.float64)], limit)
     return Verdict(
         name,
@@ -76,7 +79,10 @@ def judge(table: SkinTable, sensed: NDArray[Any], name: str, seed: int, limit: f
 def trial(
     tables: Sequence[SkinTable], skin: SkinModel, seeds: Sequence[int]
 ) -> Generator[tuple[int, int], None, tuple[tuple[Verdict, ...], ...]]:
-    """Judge all six interactions for each seed and each device's table; yield (done, total), return the verdicts."""
+    """Judge all six interactions for each seed and each device's table.
+
+    Yields (finished, total) and returns the verdicts for each table.
+    """
     tables = [table.heard_with(NOISE) for table in tables]
     verdicts: list[list[Verdict]] = [[] for _ in tables]
     total = len(seeds) * len(NAMES)
@@ -90,7 +96,7 @@ def trial(
 
 
 def exceptions(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
-    """Return a line for each verdict that is not as expected, by either rule."""
+    """Return a line for each verdict and rule with an unexpected number of motors."""
     lines = []
     for v in verdicts:
         for rule, found, percent in zip(RULES, v.found, v.percent, strict=True):

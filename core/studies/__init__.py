@@ -1,1 +1,1 @@
-"""The papers' own questions, asked of presets and stimuli of one's choice."""
+"""Studies of the papers, repeated for any preset and stimulus."""

@@ -1,4 +1,4 @@
-"""A finger over [S4]'s Gaussian bump on a friction screen: friction and volts along it, by each profile.
+"""Friction and voltage along the Gaussian bump of [S4] on a friction screen, for each profile.
 
 Source: [S4] Table 1 and fig. 6
 """
@@ -25,10 +25,10 @@ from ..version import version
 
 PROFILES = ("height", "slope", "rectangle")  # the paper's S1, S2, S3
 COLOURS = {"height": "#1f6fb2", "slope": "#c8503c", "rectangle": "#3a9a5f"}
-REACH = 4.0  # deviations on either side of the bump that are drawn
-RATE = 240.0  # samples a second of the finger's way [Hz]
-COLUMNS, ROWS = 1600, 8  # of the map of heights
-LIMITS = {"height": (1e-6, 20e-3), "width": (0.5e-3, 50e-3), "speed": (1e-3, 1.0)}  # [m], [m], [m/s]
+REACH = 4.0  # distance that the finger moves on either side of the bump's centre, in standard deviations
+RATE = 240.0  # [Hz] sampling rate of the finger's path
+COLUMNS, ROWS = 1600, 8  # size of the height map
+LIMITS = {"height": (1e-6, 20e-3), "width": (0.5e-3, 50e-3), "speed": (1e-3, 1.0)}  # ranges [m], [m], [m/s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,12 @@ class Bump:
     """Friction and voltage along a bump.
 
     Attributes:
-        place: from the bump's middle [m], shape (n,). relief: height of the bump there [m].
-        friction: 0 to 100, by profile. volts: amplitude, by profile [V].
+        device: key of the device preset.
+        height, width: height and standard deviation of the bump [m].
+        place: distance from the bump's centre [m], shape (n,).
+        relief: height of the bump at these places [m], shape (n,).
+        friction: perceived friction from 0 to 100, by profile, shape (n,) each.
+        volts: amplitude of the voltage [V], by profile, shape (n,) each.
     """
 
     device: str
@@ -52,7 +56,7 @@ class Bump:
 def bump_curve(
     library: Library, device: str = "electrovibration", height: float = 1e-3, width: float = 8e-3, speed: float = 0.1
 ) -> Bump:
-    """Return friction and volts of every profile for a finger that goes over a bump.
+    """Render a finger's path over a bump with every profile.
 
     Args:
         device: preset of a friction screen.
@@ -61,7 +65,7 @@ def bump_curve(
         speed: speed of the finger [m/s].
 
     Raises:
-        DermisError: another kind of device, or a value out of range.
+        DermisError: the device is not a friction screen, or a value is out of range.
     """
     spec = library.device(device)
     if KINDS[spec.kind].drawn != "screen":
@@ -89,7 +93,7 @@ def bump_curve(
 
 
 def text(found: Bump) -> str:
-    """Return the greatest friction and voltage of each profile, and where, for a terminal."""
+    """Return a table for a terminal: each profile's largest friction, its place, and the largest voltage."""
     out = [f"{'profile':12}friction   at [mm]   volts"]
     for profile in PROFILES:
         most = int(found.friction[profile].argmax())
@@ -99,7 +103,7 @@ def text(found: Bump) -> str:
 
 
 def csv(found: Bump) -> str:
-    """Return the curves as CSV in SI, with `# key: value` lines before them."""
+    """Return the curves as CSV in SI units, after lines `# key: value`."""
     about = {"device": found.device, "height": f"{found.height:g}", "width": f"{found.width:g}"}
     out = ["# dermis-bump 1", *(f"# {k}: {v}" for k, v in about.items()), f"# generator: dermis {version()}"]
     kinds = [(found.friction, "friction"), (found.volts, "volts")]
@@ -110,7 +114,7 @@ def csv(found: Bump) -> str:
 
 
 def picture(found: Bump) -> bytes:
-    """Return a PNG: friction and volts along the bump by profile, the bump itself beneath them."""
+    """Return a PNG with friction and voltage along the bump for each profile, and the bump behind them."""
     width, height = 700.0, 400.0
     canvas = PngCanvas(width, height)
     canvas.rectangle(0, 0, width, height, PAPER)
@@ -130,7 +134,7 @@ def picture(found: Bump) -> bytes:
 
 
 def write(found: Bump, folder: Path) -> tuple[Path, Path]:
-    """Write table and picture into a folder, each whole or not at all; return their paths.
+    """Write table and picture into a folder, each atomically, and return their paths.
 
     Raises:
         DermisError: the folder cannot be written.

@@ -1,4 +1,4 @@
-"""How weak a shear tactor is at its weakest: the force that its motors manage in every direction, by either rule.
+"""Cap force: the force of a shear tactor in its weakest direction, for two rules of torque limits.
 
 Source: [S3] section 3.1 with the corrections: both of its figures follow from one torque limit under two rules
 """
@@ -13,19 +13,19 @@ from ..devices.shear_tactor import ShearTactor
 from ..devices.spec import DeviceSpec
 from ..errors import DermisError
 
-DIRECTIONS = 720  # around the rim of the workspace at which the force is looked at
+DIRECTIONS = 720  # number of points on the rim of the workspace at which the force is computed
 
 
 @dataclass(frozen=True)
 class CapForce:
-    """Forces on the cap [N].
+    """Forces that the cap can exert in its weakest direction [N].
 
     Attributes:
-        reference: its force in any direction in the reference pose, each motor's torque limited by itself.
-        anywhere: the same anywhere in the workspace.
-        reference_shared, anywhere_shared: where the root of the sum of squares of both torques is limited.
-        place: position of the cap with the least `anywhere_shared` [m].
-        direction: direction of that force, from the pad's +X [rad].
+        reference: force in the reference pose, if each motor's torque is limited by itself.
+        anywhere: least such force in the workspace.
+        reference_shared, anywhere_shared: the same forces if the root of the sum of squares of both torques is limited.
+        place: position of the cap with the force `anywhere_shared` [m].
+        direction: direction of this force, from the pad's +X [rad].
     """
 
     reference: float
@@ -37,13 +37,14 @@ class CapForce:
 
 
 def cap_force(spec: DeviceSpec) -> CapForce:
-    """Return how strong a shear tactor's cap is in its weakest direction.
+    """Return the force of a shear tactor's cap in its weakest direction.
 
-    A force F on the cap asks for torques J^T F, J of the rhombus: two columns as long as a link, as far apart as the
-    rods. Its weakest direction is that along a column, or by the shared rule that of J's largest singular value.
+    A force F on the cap requires the torques J^T F, where J is the Jacobian of the rhombus. Both columns of J have the
+    length of a link, and the angle between them is that between the rods. If each torque is limited by itself, the
+    weakest direction is that of a column. With the shared limit it is that of the largest singular value of J.
 
     Raises:
-        DermisError: another kind of device.
+        DermisError: the device is not a shear tactor.
     """
     if spec.kind != "shear_tactor":
         raise DermisError("not a shear tactor", where=f"device preset '{spec.key}'", value=spec.kind)

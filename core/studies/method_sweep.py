@@ -1,4 +1,4 @@
-"""Methods of a pin array over stimuli: the sliding plane of [S1], for depths, frictions and directions of one's choice.
+"""Comparison of a pin array's methods on the sliding plane of [S1] for many stimuli.
 
 Source: [S1] IV and V
 """
@@ -26,20 +26,27 @@ from ..scene.sliding import SLIDE, sliding_plane
 from ..skin.model import SkinModel
 from ..version import version
 
-LIMITS = {  # parameters of a sweep: name, least, greatest, unit, divisor of its display
+LIMITS = {  # by parameter: least and greatest value, unit of display and its size in SI units
     "depth": (0.1e-3, 4e-3, "mm", 1e-3),
     "friction": (0.0, 2.0, "", 1.0),
     "direction": (-2.0 * np.pi, 2.0 * np.pi, "deg", np.pi / 180.0),
     "slide": (0.05, 4.0, "s", 1.0),
 }
-MOST = 2000  # stimuli of a sweep; each takes a second or more
+MOST = 2000  # largest number of stimuli of a sweep; each takes a second or more
 COLOURS = dict(zip(METHODS, ("#1f6fb2", "#c8503c", "#3a9a5f", "#8c6bb1", "#b07b2c", "#5a6673"), strict=True))
-LONGEST = 4  # panels of a picture
+LONGEST = 4  # largest number of panels of a picture
 
 
 @dataclass(frozen=True)
 class Swept:
-    """One stimulus, depth [m], friction coefficient and direction [rad], and how far each method misses it."""
+    """Results for one stimulus.
+
+    Attributes:
+        depth: depth [m].
+        friction: friction coefficient.
+        direction: direction of the movement, from +X to +Y [rad].
+        reports: errors of each method.
+    """
 
     depth: float
     friction: float
@@ -57,17 +64,22 @@ def sweep_methods(
     methods: Sequence[Method] = METHODS,
     slide: float = SLIDE,
 ) -> Generator[Progress, None, tuple[Swept, ...]]:
-    """Match every combination of stimuli by every method; yield progress, return one `Swept` a stimulus.
+    """Match every combination of depth, friction and direction by every method.
+
+    Progress is yielded, and a `Swept` for each stimulus is returned.
 
     Args:
         spec: a pin array.
+        skin: skin of the finger.
         depths: depths [m].
         frictions: friction coefficients.
         directions: directions of the movement, from +X to +Y [rad].
-        slide: length of the movement [s].
+        methods: methods to compare.
+        slide: duration of the movement [s].
 
     Raises:
-        DermisError: another kind of device, a value out of range, nothing to sweep, or more than `MOST` stimuli.
+        DermisError: the device is not a pin array, a value is out of range, or there is no stimulus, no method, or more
+            than `MOST` stimuli.
     """
     if spec.kind != "pin_array":
         raise DermisError("methods are those of pin arrays", where=f"device preset '{spec.key}'", value=spec.kind)
@@ -112,7 +124,7 @@ def text(found: Sequence[Swept]) -> str:
 
 
 def csv(found: Sequence[Swept], spec: DeviceSpec, skin: SkinModel) -> str:
-    """Return the sweep as CSV in SI, a row for each stimulus and method, with `# key: value` lines before it."""
+    """Return the sweep as CSV in SI units, with a row for each stimulus and method, after lines `# key: value`."""
     names = [f.name for f in fields(MethodReport) if not f.name.startswith("finer")]
     about = {"device": spec.key, "skin": repr(skin), "generator": f"dermis {version()}", "note": "simulated"}
     out = ["# dermis-method-sweep 1", *(f"# {k}: {v}" for k, v in about.items())]
@@ -126,9 +138,11 @@ def csv(found: Sequence[Swept], spec: DeviceSpec, skin: SkinModel) -> str:
 
 
 def picture(found: Sequence[Swept], title: str) -> bytes:
-    """Return a PNG: force ratio against the parameter with the most values, a panel for that with the next most.
+    """Return a PNG of the ratio of tangential to normal force.
 
-    Rendered by each method, and dark the target; of other parameters the first value is shown.
+    The parameter with the most values is the horizontal axis. There is a panel for each of the first `LONGEST` values
+    of the parameter with the next most values. Of the third parameter, only the first value is shown. Each panel has a
+    dark curve for the target and a curve for each method.
 
     Source: [S1] fig. 9
     """
@@ -160,7 +174,7 @@ def picture(found: Sequence[Swept], title: str) -> bytes:
 
 
 def write(found: Sequence[Swept], spec: DeviceSpec, skin: SkinModel, folder: Path) -> tuple[Path, Path]:
-    """Write table and picture into a folder, each whole or not at all; return their paths.
+    """Write table and picture into a folder, each atomically, and return their paths.
 
     Raises:
         DermisError: the folder cannot be written.

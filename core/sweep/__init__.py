@@ -1,1 +1,1 @@
-"""Tables of variants: devices, materials, skins, methods, seeds over scenes, a job a row, resumed where they stood."""
+"""Sweeps: resumable tables of results for variants of devices, materials, skins, methods and seeds."""

@@ -1,4 +1,4 @@
-"""The study 'devices': scenes through a device, whose dimensions, settings, skin and materials vary."""
+"""The study 'devices': scenes rendered by a device, with variable dimensions, settings, skin and materials."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def rows(spec: Spec, library: Library) -> list[Row]:
     """Return the rows of a sweep, scene by scene.
 
     Raises:
-        DermisError: something that cannot vary, an unknown preset, or a scene that cannot be read.
+        DermisError: a parameter cannot vary, a preset is unknown, or a scene cannot be read.
     """
     check_keys(spec, ("device", "skin"), ("device", *SETTINGS))
     own = presets_of(library)
@@ -65,7 +65,11 @@ def rows(spec: Spec, library: Library) -> list[Row]:
 def prepare(
     wanted: Sequence[Row], _spec: Spec, library: Library, executor: JobExecutor, stack: ExitStack, _folder: Path
 ) -> Generator[Progress, None, Callable[[Row], Asked]]:
-    """Condense the skins that rows need; return the maker of a row's job."""
+    """Compute the skins that rows need; yields progress.
+
+    Returns:
+        Function that returns the job of a row.
+    """
     skins = Skins(executor, stack)
     needed = {row.key: _skins(row, library) for row in wanted}
     yield from skins.make(skin for own in needed.values() for skin in own)
@@ -79,7 +83,7 @@ def prepare(
 
 
 def _skins(row: Row, library: Library) -> list[str]:
-    """Return the skins that a row needs; none where it will be refused."""
+    """Return the skins that a row needs; an empty list for a row that will be refused."""
     assert row.scene is not None
     try:
         scene, _, _ = varied(scene_file.load(row.scene), row.given["values"], row.given["finger"], library)
@@ -91,17 +95,20 @@ def _skins(row: Row, library: Library) -> list[str]:
 def varied(
     scene: TactileScene, values: Mapping[str, Value], finger: str | int, library: Library
 ) -> tuple[TactileScene, str, DeviceUse]:
-    """Return a scene in which one finger wears one device, everything being as a variant says.
+    """Return a variant of a scene, in which one finger wears one device.
 
     Args:
-        values: 'device' and 'skin' (presets; the finger's first device and its own skin where they do not vary), and
-            'use.NAME', 'finger.NAME', 'body.NAME': settings, in SI.
+        scene: the scene.
+        values: values of the variant. 'device' and 'skin' are keys of presets; without them the finger keeps its first
+            device and its own skin. 'use.NAME', 'finger.NAME' and 'body.NAME' are settings in SI units.
+        finger: name or index of the finger.
+        library: library of the presets.
 
     Returns:
-        The scene, the finger's name, and the device that it wears.
+        The scene, the finger's name, and the device that the finger wears.
 
     Raises:
-        DermisError: no such finger, device, skin or setting, or a value out of its range.
+        DermisError: a finger, device, skin or setting does not exist, or a value is out of range.
     """
     where = "sweep"
     number = finger_index(scene, finger)
@@ -122,7 +129,7 @@ def varied(
 
 
 def _settings(kind: str, values: Mapping[str, Value], where: str) -> dict[str, Any]:
-    """Return the settings of one kind, each judged by its row of the parameters."""
+    """Return the settings of one kind, after a check of each value by its parameter."""
     found = {}
     for key, value in values.items():
         first, _, name = key.partition(".")
@@ -135,10 +142,14 @@ def _settings(kind: str, values: Mapping[str, Value], where: str) -> dict[str, A
 
 
 def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Report) -> dict[str, Value]:
-    """Render one row, given as the job 'shot' is; return its measures.
+    """Render one row and return its measures.
+
+    Args:
+        arrays, parameters: those of the job 'shot', and the row's own parameters.
+        report: called with the progress.
 
     Raises:
-        DermisError: a scene or device cannot be rendered or judged.
+        DermisError: the scene or the device cannot be rendered or judged.
     """
     with opened_shot(arrays, parameters) as given:
         scene = scene_file.load(given.scene)

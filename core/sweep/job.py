@@ -1,4 +1,4 @@
-"""The job 'sweep-row': one row of a sweep on whoever does it; figures come back as one JSON object."""
+"""The job 'sweep-row': it computes one row of a sweep and returns its figures as one JSON object."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .spec import STUDIES, Value
 
 
 def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Report) -> dict[str, NDArray[Any]]:
-    """Do a row of a study, see its module's `work`."""
+    """Compute a row of a study by the function `work` of the study's module."""
     study = STUDIES[STUDIES.index(parameters["study"])]
     made = import_module(f".{study}", __package__).work(arrays, parameters, report)
     return {"figures": array_from(json.dumps(made).encode())}

@@ -1,4 +1,4 @@
-"""The study 'motors': the six interactions of [S2] through platforms, over seeds, wobbles and dimensions.
+"""The study 'motors': the six interactions of [S2] on platforms, for seeds, wobbles and dimensions.
 
 Source: [S2] V; the rule, the noise and the wobble are those fixed in `design/interactions.py`
 """
@@ -37,14 +37,14 @@ from .variant import check_keys, dimensions
 
 DEFAULTS: Mapping[str, Value] = {"device": "cable_platform", "touch": "", "seed": 0, "wobble": 1.0}
 
-_tables: Recent[str, SkinTable] = Recent(2)  # a sweep has few platforms, and their rows lie beside each other
+_tables: Recent[str, SkinTable] = Recent(2)  # a sweep has few platforms, and the rows of one platform follow each other
 
 
 def rows(spec: Spec, library: Library) -> list[Row]:
-    """Return the rows of a sweep; all six touches where none is named.
+    """Return the rows of a sweep; each variant without a touch gets a row for each of the six touches.
 
     Raises:
-        DermisError: something that cannot vary, an unknown platform or touch, a seed or wobble that is none.
+        DermisError: a parameter cannot vary, a platform or touch is unknown, or a seed or wobble is not valid.
     """
     check_keys(spec, tuple(DEFAULTS), ("device",))
     made = []
@@ -73,10 +73,12 @@ def _check(values: Mapping[str, Value], where: str) -> None:
 def prepare(
     wanted: Sequence[Row], spec: Spec, _library: Library, executor: JobExecutor, _stack: ExitStack, folder: Path
 ) -> Generator[Progress, None, Callable[[Row], Asked]]:
-    """Collect the tables of the platforms that rows need, part by part in a folder, and read touches that they share.
+    """Compute the tables of the platforms and the readings of shared touches; yields progress.
+
+    Both are kept in folders, so that an interrupted sweep continues with the missing ones.
 
     Returns:
-        The maker of a row's job.
+        Function that returns the job of a row.
     """
     tables: dict[str, tuple[str, dict[str, NDArray[Any]]]] = {}
     for row in wanted:
@@ -105,7 +107,7 @@ def _platform(row: Row) -> str:
 
 
 def _sent(table: SkinTable, device: DeviceSpec) -> tuple[str, dict[str, NDArray[Any]]]:
-    """Return a table as arrays, and by which key a worker knows it."""
+    """Return a table as a key, by which workers keep it, and arrays."""
     arrays = {
         "commands": table.commands,
         "readings": table.readings,
@@ -113,16 +115,16 @@ def _sent(table: SkinTable, device: DeviceSpec) -> tuple[str, dict[str, NDArray[
         "rest": np.array(table.rest),
     }
     for array in arrays.values():
-        array.flags.writeable = False  # shared by many jobs
+        array.flags.writeable = False  # many jobs share the array
     parts = [np.ascontiguousarray(array).tobytes() for array in arrays.values()]
     return cache_key("dermis-sweep-table", device.key, *parts), arrays
 
 
 def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Report) -> dict[str, Value]:
-    """Judge one row; return its verdict.
+    """Judge one row and return its verdict as figures.
 
     Raises:
-        DermisError: a table without rows that can be told from rest, or motors that never move.
+        DermisError: no row of the table differs from rest by more than the noise, or the motors never move.
     """
     values = parameters["values"]
     table = _tables.make(
@@ -146,10 +148,10 @@ def figures(verdict: Verdict) -> dict[str, Value]:
 
 
 def verdict_of(columns: Mapping[str, Value]) -> Verdict:
-    """Return the verdict of a table's row; the inverse of `figures`.
+    """Return the verdict in a row of the sweep's table; the inverse of `figures`.
 
     Raises:
-        KeyError: a column that such a row has is missing.
+        KeyError: a column is missing.
     """
     n = sum(key.startswith(f"lost_{RULES[0]}_") for key in columns)
     return Verdict(

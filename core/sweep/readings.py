@@ -1,4 +1,4 @@
-"""Readings of the sensor in the interactions of [S2], computed once for all platforms of a sweep."""
+"""Sensor readings in the interactions of [S2], computed once for all platforms of a sweep."""
 
 from __future__ import annotations
 
@@ -27,24 +27,26 @@ from ..work.jobs import Report
 from ..work.spread import Asked, spread
 from .row import Row
 
-PARTS = ("tilt", "depth", "shift", "amplitude")  # of a wobble, as a share of their defaults
+PARTS = ("tilt", "depth", "shift", "amplitude")  # attributes of a wobble that a row scales
 
 
 def readings(
     rows: Sequence[Row], executor: JobExecutor, folder: Path
 ) -> Generator[Progress, None, Mapping[str, NDArray[Any]]]:
-    """Let the touches that several rows share be read, each once and kept in a folder; yield progress.
+    """Compute the readings of the touches that several rows share; yields progress.
+
+    Each touch is computed once, and its readings are kept in a folder.
 
     Returns:
-        By the keys of rows, the readings of their touch, shape (n, 20). One that failed is not there: its rows read it
-        themselves, and say why they cannot.
+        Readings of each row's touch by the key of the row, shape (n, 20). Touches of a single row are left out, and
+        touches whose job failed. Such rows compute their readings themselves, and report why they cannot.
     """
     asked = {row.key: _key(row) for row in rows}
     shared = {key for key, users in Counter(asked.values()).items() if users > 1}
     needed = {asked[row.key]: row for row in rows if asked[row.key] in shared}
     there = {}
     for key in needed:
-        with suppress(DermisError):  # not there, or damaged: it is read again
+        with suppress(DermisError):  # a missing or damaged file: its readings are computed again
             there[key] = read_readings(folder / f"{key}.npz")
     yield Progress("touches", len(there), len(needed))
     jobs = ((key, Asked("sweep-reading", {}, dict(row.given))) for key, row in needed.items() if key not in there)
@@ -56,20 +58,20 @@ def readings(
         there[key] = made["counts"]
         yield Progress("touches", len(there), len(needed))
     for counts in there.values():
-        counts.flags.writeable = False  # shared by several jobs
+        counts.flags.writeable = False  # several jobs share the array
     return {row: there[key] for row, key in asked.items() if key in there}
 
 
 def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], _report: Report) -> dict[str, Counts]:
-    """Read the touch of a row: the job 'sweep-reading'."""
+    """Compute the readings of a row's touch; this is the job 'sweep-reading'."""
     return {"counts": sensed(parameters)}
 
 
 def sensed(given: Mapping[str, Any]) -> Counts:
-    """Return the readings of a row's touch, shape (n, 20), its wobble being a share of the default.
+    """Return the readings of a row's touch, shape (n, 20).
 
     Args:
-        given: the row's parameters, see `Row`.
+        given: parameters of the row's job, see `Row`. The value 'wobble' scales the default wobble.
     """
     touch, seed, share = str(given["values"]["touch"]), int(given["values"]["seed"]), float(given["values"]["wobble"])
     parts = {part: share * getattr(WOBBLE, part) for part in PARTS}
@@ -78,7 +80,7 @@ def sensed(given: Mapping[str, Any]) -> Counts:
 
 
 def _key(row: Row) -> str:
-    """Return the hash of all that is read in a row's touch, whatever platform it is judged by."""
+    """Return the hash of all inputs of the readings of a row's touch; the platform is not among them."""
     values, made_by = row.given["values"], [engine()[name] for name in SAME]
     touch = (str(values["touch"]), repr(int(values["seed"])), repr(float(values["wobble"])), str(row.given["level"]))
     return cache_key("dermis-sweep-reading 1", *touch, *made_by)[:32]
@@ -88,7 +90,7 @@ def read_readings(path: Path) -> Counts:
     """Return the readings of an earlier run, shape (n, 20).
 
     Raises:
-        DermisError: it is not there, or damaged.
+        DermisError: the file is missing or damaged.
     """
     found = read_npz(path, str(path), "readings of a sweep").get("counts")
     if found is None or found.dtype != np.uint16 or found.ndim != 2 or found.shape[1] != 20:

@@ -1,4 +1,4 @@
-"""One row of a sweep: its name, its parameters, and the hash by which it is known when it is resumed."""
+"""One row of a sweep: its parameters, and the hash that identifies it when a sweep is resumed."""
 
 from __future__ import annotations
 
@@ -18,8 +18,10 @@ class Row:
     """One variant of one scene.
 
     Attributes:
-        key: hash of all that its figures depend on. columns: its varied parameters, as the table shows them.
-        given: parameters of its job. scene: its file, or None where the study makes its own.
+        key: hash of all inputs of the row's figures.
+        columns: varied parameters, as shown in the table.
+        given: parameters of the row's job.
+        scene: file of the scene; None if the study makes its own scenes.
     """
 
     key: str
@@ -29,9 +31,10 @@ class Row:
 
 
 def row_key(study: str, content: str, given: Mapping[str, Any]) -> str:
-    """Return the key of a row: of its study, its scene's content, its job's parameters and the engine.
+    """Return the key of a row.
 
-    Another version of Dermis, or other presets, give other keys: their results are not mixed.
+    It is a hash of the study, the content of the scene, the parameters of the job and the engine. Results of different
+    versions of Dermis or of different presets are therefore not mixed.
     """
     made_by = [engine()[name] for name in SAME]
     return cache_key("dermis-sweep-row 1", study, content, json.dumps(dict(given), sort_keys=True), *made_by)[:32]

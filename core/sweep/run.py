@@ -1,4 +1,4 @@
-"""A sweep from its rows to its table: finished rows stay, the others run side by side, and failures are explained."""
+"""Run of a sweep: finished rows are kept, missing rows are computed in parallel, and a table is written."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Swept:
         done: number of rows computed by this run.
         kept: number of rows of earlier runs.
         refused: number of rows with a reason instead of figures.
-        lost: names of the rows whose worker died; the next run repeats them.
+        lost: descriptions of the rows that failed because of their worker, not of the row; the next run repeats them.
         paths: paths of the table's files.
     """
 
@@ -41,16 +41,20 @@ class Swept:
 
 
 def run_sweep(spec: Spec, library: Library, folder: Path, executor: JobExecutor) -> Generator[Progress, None, Swept]:
-    """Do the rows of a sweep that are not in a folder yet, and write its table there; yield progress.
+    """Compute the rows of a sweep that are not in a folder yet, and write its table there.
 
-    Each row is a file as soon as it is done: a run that was ended goes on where it stood. A refused row is kept as
-    finished ones are, since it would be refused again. Leaving early writes the table of finished rows.
+    Progress is yielded, and a `Swept` is returned. Each finished row is written to a file, so a later run computes only
+    the missing rows. A refused row is kept as well, because it would be refused again. If the generator is closed
+    early, the table of the finished rows is written.
 
     Args:
-        folder: folder of this sweep. Rows of another variant, scene, preset or version of Dermis have other names.
+        spec: the sweep.
+        library: library of the presets.
+        folder: folder of this sweep. The files of rows are named by `Row.key`.
+        executor: executor of the jobs.
 
     Raises:
-        DermisError: a sweep that cannot be, see `rows` of its study; a folder that cannot be written.
+        DermisError: the sweep is not valid, see `rows` of its study; or the folder cannot be written.
     """
     study = import_module(f".{spec.study}", __package__)
     rows: list[Row] = study.rows(spec, library)
@@ -69,7 +73,7 @@ def run_sweep(spec: Spec, library: Library, folder: Path, executor: JobExecutor)
                 row, future = item
                 error = future.exception()
                 if isinstance(error, DermisError) and error.code in ("job-crashed", "other-version", "no-engine"):
-                    lost.append(f"{dict(row.columns)}: {error}")  # of the machines, not of the row
+                    lost.append(f"{dict(row.columns)}: {error}")  # the machines failed, not the row
                     continue
                 found[row.key] = (
                     {table.ERROR: str(error)} if isinstance(error, DermisError) else figures_of(future.result())

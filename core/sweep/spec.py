@@ -1,4 +1,4 @@
-"""Specification of a sweep: a TOML file that names a study, scenes, and the values of everything that varies."""
+"""Specification of a sweep: a TOML file with a study, scenes, and the values of varied parameters."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..foreign import MAX_TOML, damage_told, is_newer, toml_of
 
 SCHEMA = "dermis-sweep 1"
 STUDIES = ("devices", "motors")
-MOST = 100_000  # rows: a file each, in one folder
+MOST = 100_000  # largest number of rows; each is a file in one folder
 KEYS = {"schema", "study", "scenes", "finger", "level", "rows", "vary"}
 
 Value = str | int | float | bool
@@ -48,15 +48,18 @@ class Spec:
             yield dict(zip(self.vary, values, strict=True))
 
     def values(self, key: str) -> tuple[Value, ...]:
-        """Return the values of something that varies, none where it does not."""
+        """Return the values of a parameter; an empty tuple if the parameter does not vary."""
         return self.vary.get(key, ())
 
 
 def read(path: Path) -> Spec:
-    """Read a sweep; patterns of scenes are looked for beside it.
+    """Read the specification of a sweep.
+
+    Patterns of scenes are relative to the folder of the file.
 
     Raises:
-        DermisError: not TOML, an unknown study or key, values that are none, no scenes, or more than `MOST` rows.
+        DermisError: the file is not TOML, a study or key is unknown, a value is not valid, a scene does not exist, or
+            there are more than `MOST` rows.
     """
     where = str(path)
     given = toml_of(read_text(path, most=MAX_TOML), where)

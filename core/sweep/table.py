@@ -1,4 +1,4 @@
-"""A sweep's rows on the disk, each whole or not there, and the one table that they become: CSV, and Parquet."""
+"""Files of a sweep: one for each finished row, written atomically, and the table as CSV and Parquet."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from .row import Row
 from .spec import Value
 
 Figures = Mapping[str, Value]
-ERROR = "refused"  # the column that says why a row has no figures
+ERROR = "refused"  # name of the column with the reason why a row has no figures
 
 
 def path_of(folder: Path, row: Row) -> Path:
-    """Return where a row's figures lie."""
+    """Return the path of the file with a row's figures."""
     return folder / "rows" / f"{row.key}.json"
 
 
 def kept(folder: Path, row: Row) -> Figures | None:
-    """Return a row's figures from an earlier run, None where it must be done: not there, or damaged."""
+    """Return a row's figures from an earlier run; None if their file is missing or damaged."""
     try:
         found = read_json(path_of(folder, row))
     except DermisError:
@@ -43,7 +43,9 @@ def keep(folder: Path, row: Row, figures: Figures) -> None:
 
 
 def write(folder: Path, rows: Sequence[Row], found: Mapping[str, Figures], study: str) -> list[Path]:
-    """Write the table of all rows, in their order: those without figures have why, or nothing where not done yet.
+    """Write the table of all rows in their order and return the paths of its files.
+
+    A refused row has a reason instead of figures. A row that is not computed yet has neither.
 
     Raises:
         DermisError: the folder cannot be written.
@@ -80,7 +82,7 @@ def _word(value: Value) -> str:
 
 
 def _parquet(path: Path, columns: Sequence[str], lines: Sequence[Sequence[Value | None]]) -> list[Path]:
-    """Write the same for those who read tables by their columns, where pyarrow is installed."""
+    """Write the table as Parquet, if pyarrow is installed."""
     try:
         import pyarrow
         from pyarrow import parquet

@@ -1,4 +1,4 @@
-"""Presets and keys of variants: which may vary, and a device's preset with other dimensions."""
+"""Parameters of variants: check of their keys, and device presets with changed dimensions."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ def check_keys(spec: Spec, plain: Collection[str], kinds: Collection[str]) -> No
     """Refuse parameters that cannot vary in a study.
 
     Args:
-        plain: keys by themselves, such as 'device'. kinds: prefixes before a dot, such as 'device' of
-            'device.disc_radius'.
+        spec: the sweep.
+        plain: allowed keys without a dot, such as 'device'.
+        kinds: allowed prefixes before a dot, such as 'device' of 'device.disc_radius'.
 
     Raises:
-        DermisError: another key.
+        DermisError: a key is not allowed.
     """
     for key in spec.vary:
         first, dot, name = key.partition(".")
@@ -28,13 +29,15 @@ def check_keys(spec: Spec, plain: Collection[str], kinds: Collection[str]) -> No
 
 
 def dimensions(values: Mapping[str, Value], library: Library, where: str) -> dict[str, Any] | None:
-    """Return the preset of a variant's device with its dimensions, None where none of these varies.
+    """Return the device preset of a variant with changed dimensions; None if no dimension varies.
 
     Args:
-        values: 'device', and 'device.NAME': a parameter of its preset, in the preset's own unit.
+        values: values of the variant. 'device.NAME' is a parameter of the preset 'device', in the preset's own unit.
+        library: library of the presets.
+        where: name of the sweep, for errors.
 
     Raises:
-        DermisError: no device, no such parameter, or dimensions that no such device can have.
+        DermisError: no device is named, a parameter does not exist, or the device cannot have these dimensions.
     """
     changed = {key.partition(".")[2]: value for key, value in values.items() if key.startswith("device.")}
     if not changed:

@@ -38,7 +38,7 @@ class Bump:
     Attributes:
         device: key of the device preset.
         height, width: height and standard deviation of the bump [m].
-        place: distance from the bump's centre [m], shape (n,).
+        place: position relative to the bump's centre [m], shape (n,).
         relief: height of the bump at these places [m], shape (n,).
         friction: perceived friction from 0 to 100, by profile, shape (n,) each.
         volts: amplitude of the voltage [V], by profile, shape (n,) each.

@@ -1,1 +1,1 @@
-"""Work for other processes: how they are started and ended, and jobs by name that they do."""
+"""Work in other processes: their start and end, and the jobs that they run."""

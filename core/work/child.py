@@ -1,7 +1,8 @@
-"""Child processes of this engine: how they are started, watched and ended; senders and jobs run in them.
+"""Child processes of this engine: start, supervision and end.
 
-Python's multiprocessing does not work inside Blender: its children import Blender's main module again. A child's
-standard input is its parent pipe: when that ends, the parent has let go or is gone, and the child ends in its own way.
+Senders and jobs run in child processes. Python's multiprocessing does not work inside Blender, because its children
+import Blender's main module again. The standard input of a child is its parent pipe. When the pipe closes, the parent
+has closed it or has ended, and the child ends by itself.
 """
 
 from __future__ import annotations
@@ -23,17 +24,19 @@ from ..errors import DermisError
 
 HOME = Path(__file__).resolve().parents[2]  # the folder that contains `core`
 PACKAGE = Path(__file__).resolve().parents[1].name
-MAX_SILENT_SECONDS = 5.0  # a child that was told to end and gives no sign of life for this long hangs
-MAX_UNSEEN_SECONDS = 1.0  # whoever has not looked for so long may have slept itself, and knows nothing of the child
-MAX_LAST_SECONDS = 2.0  # from the last that a dying child replies to its end
-MAX_LOG_CHARACTERS = 500  # the end of a child's output, which says why it died
+MAX_SILENT_SECONDS = 5.0  # [s] a child that shall end hangs if it gives no sign of life for this time
+# [s] After a longer interval between two checks this process may have been suspended itself, so the child's silence
+# during this interval does not count.
+MAX_UNSEEN_SECONDS = 1.0
+MAX_LAST_SECONDS = 2.0  # [s] longest wait for the end of a child after its last reply
+MAX_LOG_CHARACTERS = 500  # number of last characters of a child's output that an error quotes
 
 
 class Owner(Protocol):
-    """Whoever has child processes and ends them in its own way."""
+    """Owner of child processes, which ends them in its own way."""
 
     def close(self) -> None:
-        """End them. Safe to call twice."""
+        """End the child processes. Safe to call twice."""
 
 
 _owners: weakref.WeakSet[Owner] = weakref.WeakSet()
@@ -45,29 +48,29 @@ def command(*arguments: str) -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    """Return a child's environment: it finds this engine and the same installed packages, in the same order."""
-    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)  # where this process was told to look, so does its child
+    """Return the environment of a child, which finds this engine and the same packages in the same order."""
+    given = os.environ.get("PYTHONPATH", "").split(os.pathsep)  # folders given to this process
     paths = [str(HOME), *(p for p in sys.path if p.rstrip("/\\").endswith("-packages") or (p and p in given))]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths)), "OPENBLAS_NUM_THREADS": "1"}
 
 
 class ChildProcess(subprocess.Popen[bytes]):
-    """A process that this one has started, and that ends with it.
+    """A process that this process starts and that ends with it.
 
     Args:
-        name: for errors, such as 'the sender'.
-        line: the command line, see `command`.
-        replies: read its standard output from `stdout`; dropped otherwise.
+        name: name for errors, such as 'the sender'.
+        line: command line, see `command`.
+        replies: whether the process's standard output can be read from `stdout`. If not, it is dropped.
 
     Raises:
-        DermisError: it cannot be started.
+        DermisError: the process cannot be started.
     """
 
     def __init__(self, name: str, line: list[str], *, replies: bool = False) -> None:
         self._sign: object = None
-        self._looked = 0.0  # when this process looked after it last
-        self._heard = 0.0  # when the last sign of life came
-        self._log = tempfile.TemporaryFile(prefix="dermis-log-")  # without a name: it goes with its last user
+        self._looked = 0.0  # time of the last check by `gone`
+        self._heard = 0.0  # time of the last sign of life
+        self._log = tempfile.TemporaryFile(prefix="dermis-log-")  # deleted when the last process closes it
         try:
             super().__init__(
                 line,
@@ -84,11 +87,11 @@ class ChildProcess(subprocess.Popen[bytes]):
 
     @property
     def alive(self) -> bool:
-        """Return whether it still runs."""
+        """Whether the process still runs."""
         return self.poll() is None
 
     def said(self) -> str:
-        """Return why one that ends does, when it has: its exit status and the end of its log."""
+        """Return exit status and end of the log of a process that is ending."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.wait(MAX_LAST_SECONDS)
         text = ""
@@ -98,15 +101,16 @@ class ChildProcess(subprocess.Popen[bytes]):
         return f"status {self.returncode}: {text[-MAX_LOG_CHARACTERS:]}".removesuffix(": ")
 
     def kill(self) -> None:
-        """End it at once, whatever it does; it is gone then."""
+        """Kill the process and wait for its end."""
         super().kill()
         self.wait()
 
     def end(self, seconds: float, *, kill: bool = False) -> None:
-        """Close the parent pipe, and wait for the end.
+        """Close the parent pipe and wait for the end of the process.
 
         Args:
-            seconds: the longest to wait [s]. kill: it is killed after that, instead of going on by itself.
+            seconds: longest wait [s].
+            kill: whether the process is killed after this time. If not, it continues to its own end.
         """
         assert self.stdin is not None
         with contextlib.suppress(OSError):
@@ -120,10 +124,12 @@ class ChildProcess(subprocess.Popen[bytes]):
         self.gone(self._sign)
 
     def gone(self, sign: object = None) -> bool:
-        """Return whether it has ended, and close its pipes then; one that hangs in its ending is killed.
+        """Return whether the process has ended, and close its pipes in this case.
+
+        A process that shall end is killed if it gives no sign of life for `MAX_SILENT_SECONDS`.
 
         Args:
-            sign: anything that changes while it lives.
+            sign: any value that changes while the process lives.
         """
         assert self.stdin is not None
         now, looked = time.monotonic(), self._looked
@@ -141,14 +147,15 @@ class ChildProcess(subprocess.Popen[bytes]):
 
 
 def follow_parent(gone: Callable[[], None], take: Callable[[bytes], object] = len) -> None:
-    """Watch the parent pipe from a thread of its own; this is the child's side.
+    """Watch the parent pipe in a thread of its own; the child calls this.
 
     Args:
-        gone: called when the parent has let go or is gone. take: called with each line that comes before.
+        gone: function that is called when the parent has closed the pipe or has ended.
+        take: function that is called with each line from the pipe.
     """
 
     def watch() -> None:
-        # Not by sys.stdin: a thread that waits there holds its lock, which aborts the end of the program.
+        # sys.stdin is not used: a thread that waits for it holds its lock, and Python aborts at exit because of it.
         rest, stdin = b"", sys.stdin.fileno()
         while data := os.read(stdin, 65536):
             *lines, rest = (rest + data).split(b"\n")
@@ -162,16 +169,16 @@ def follow_parent(gone: Callable[[], None], take: Callable[[bytes], object] = le
 
 
 def close_at_exit(owner: Owner) -> None:
-    """Close an owner of child processes when Python ends, if it is still there then."""
+    """Close an owner of child processes when Python ends, if the owner still exists then."""
     _owners.add(owner)
 
 
 def close_all() -> None:
-    """Close every owner of child processes; a sender whose device needs longer finishes by itself."""
+    """Close every owner of child processes; a sender whose device needs more time finishes by itself."""
     for owner in list(_owners):
         owner.close()
 
 
 atexit.register(close_all)
-if hasattr(os, "register_at_fork"):  # whoever splits off has no threads to wait for, and no child to end
+if hasattr(os, "register_at_fork"):  # a forked process has no child to end
     os.register_at_fork(after_in_child=_owners.clear)

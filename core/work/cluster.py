@@ -1,12 +1,12 @@
-"""Jobs done by the workers of a dask scheduler, on other machines; dask carries texts and bytes, and nothing else.
+"""ClusterExecutor: jobs on other machines, by the workers of a dask scheduler.
 
-A function is sent by its name, so scheduler and workers need this engine under the name that it has here. Large
-arrays travel by their content's hash, to each worker once. A worker that dies loses nothing: the scheduler gives its
-jobs to others, until `distributed.scheduler.allowed-failures` workers (3, if nobody says otherwise) have died of the
-same job. There is no progress within a job, and one that runs cannot be stopped: cancelled, it runs on and its result
-is dropped.
+dask transports only texts and bytes. A function is sent by its name, so scheduler and workers need this engine under
+the same package name. Large arrays are identified by a hash of their content and sent to each worker once. If a worker
+dies, the scheduler gives its jobs to others, until more than `distributed.scheduler.allowed-failures` workers (by
+default 3) have died during the same job. A job reports no progress. A running job cannot be stopped: after `cancel` it
+continues, and its result is dropped.
 
-dask is no part of this engine: it is loaded here, and only when a `ClusterExecutor` is made. Never inside Blender.
+dask is optional. It is imported only when a `ClusterExecutor` is made, and never inside Blender.
 """
 
 from __future__ import annotations
@@ -36,18 +36,19 @@ from .executor import JobExecutor, JobFuture
 from .jobs import JOBS, Arrays, Job, Table
 from .parcel import packed, unpacked
 
-LARGE = 1 << 16  # bytes from which an array travels by its content's hash: beyond, it costs more than a task of its own
-CONNECT_SECONDS = 15.0  # the longest to wait for a scheduler
-SETTLE_SECONDS = 5.0  # the longest to wait for a job that was cancelled
-LOOK_SECONDS = 2.0  # between two questions how many workers there are
-AHEAD = 2  # jobs a worker thread that are on their way: one runs, one waits beside it
+LARGE = 1 << 16  # [bytes] size from which an array is sent separately; sending it costs more than an additional task
+CONNECT_SECONDS = 15.0  # [s] longest wait for a scheduler
+SETTLE_SECONDS = 5.0  # [s] longest wait for cancelled jobs
+LOOK_SECONDS = 2.0  # [s] shortest interval between two queries for the number of workers
+AHEAD = 2  # submitted jobs for each thread of a worker: one runs, one waits
 
-_one_at_a_time = threading.Lock()  # of a worker with several threads: a job's memory is bounded, a process's is
+# A worker with several threads runs one job at a time, because the memory of its process is limited.
+_one_at_a_time = threading.Lock()
 
 
 @dataclass(frozen=True)
 class Keys:
-    """Files of a TLS connection: the authority's certificate, one's own, and its key."""
+    """Files of a TLS connection: the authority's certificate, the client's certificate, and its key."""
 
     authority: str
     certificate: str
@@ -55,16 +56,17 @@ class Keys:
 
 
 def work(request: bytes, *large: bytes) -> bytes:
-    """Do a job on a worker; refusals come back as a reply too.
+    """Run a job on a worker; a `DermisError` is returned as a reply as well.
 
     Args:
-        request: see `ClusterExecutor.submit`. large: arrays that travelled by themselves, in the request's order.
+        request: bytes of the job, see `ClusterExecutor.submit`.
+        large: arrays that were sent separately, in the order named in the request.
     """
     return serve(request, large, JOBS)
 
 
 def serve(request: bytes, large: tuple[bytes, ...], table: Table) -> bytes:
-    """Do a job out of a table; see `work`."""
+    """Run a job of a table; see `work`."""
     told = dict(engine())
     try:
         head, arrays = unpacked(request, "a job")
@@ -79,7 +81,10 @@ def serve(request: bytes, large: tuple[bytes, ...], table: Table) -> bytes:
 
 
 def hold(data: bytes) -> bytes:
-    """Hold an array for jobs that need it: a task, so that a scheduler makes it again where its holder dies."""
+    """Return an array's bytes, to be kept by a worker for jobs that need it.
+
+    Because this is a task, the scheduler runs it again if the worker dies.
+    """
     return data
 
 
@@ -89,7 +94,7 @@ def tell() -> dict[str, str]:
 
 
 class ClusterExecutor(JobExecutor):
-    """Does jobs on the workers of a dask scheduler, as many as there are now.
+    """Executor that runs jobs on all current workers of a dask scheduler.
 
     Args:
         address: address of the scheduler, such as 'tcp://127.0.0.1:8786', or 'tls://...' with keys.
@@ -98,8 +103,8 @@ class ClusterExecutor(JobExecutor):
         entry: entry point of the workers, sent by its name.
 
     Raises:
-        DermisError: code 'no-dask' where dask is not installed; 'no-scheduler' where nobody answers; 'other-version'
-            where a worker has another engine; keys without tls://, or the other way round.
+        DermisError: code 'no-dask' if dask is not installed; 'no-scheduler' if no scheduler answers; 'other-version' if
+            a worker has another engine. Also if there are keys without tls://, or tls:// without keys.
     """
 
     shares_files = False
@@ -112,11 +117,11 @@ class ClusterExecutor(JobExecutor):
         self._client: Any = _connected(address, keys)
         self._lock = threading.Lock()
         self._open: set[JobFuture] = set()
-        self._large: dict[str, tuple[Any, int]] = {}  # by hash: dask's future, and how many jobs need it
-        self._hashes: dict[int, tuple[weakref.ref[NDArray[Any]], str]] = {}  # by id, while an array is there
+        self._large: dict[str, tuple[Any, int]] = {}  # by hash: dask's future, and the number of jobs that need it
+        self._hashes: dict[int, tuple[weakref.ref[NDArray[Any]], str]] = {}  # hashes of living arrays, by id
         self._looked = -LOOK_SECONDS
         self._closed = False
-        self.unlike: set[str] = set()  # what workers differ in that may change last digits, in words
+        self.unlike: set[str] = set()  # differences of workers that may change last digits, in words
         close_at_exit(self)
         try:
             for where, theirs in self._ask(tell).items():
@@ -130,7 +135,7 @@ class ClusterExecutor(JobExecutor):
         return f"ClusterExecutor({self.address}, {self.room() // AHEAD} at once)"
 
     def room(self) -> int:
-        """Return how many jobs had better be under way: some for every thread of every worker that is there now."""
+        """Return how many jobs should be submitted at once: `AHEAD` for each thread of all current workers."""
         if time.monotonic() - self._looked > LOOK_SECONDS:
             threads = self._client.scheduler_info(n_workers=-1)["workers"].values()
             self.workers = max(1, sum(int(worker["nthreads"]) for worker in threads))
@@ -140,15 +145,15 @@ class ClusterExecutor(JobExecutor):
     def submit(  # type: ignore[override]
         self, name: str, arrays: Arrays | None = None, parameters: Mapping[str, Any] | None = None
     ) -> JobFuture:
-        """See `JobExecutor.submit`. Files that parameters name must be where workers find them.
+        """See `JobExecutor.submit`; files that parameters name must be accessible to the workers.
 
         Raises:
-            DermisError: code 'no-scheduler': it has gone.
+            DermisError: code 'no-scheduler': the scheduler has gone.
         """
         job, future = Job(name, arrays or {}, parameters or {}, self.table), JobFuture()
         if self._closed:
             raise RuntimeError("cannot schedule new futures after shutdown")
-        if self._client.status != "running":  # unfinished work is lost already
+        if self._client.status != "running":  # unfinished jobs are already lost
             remedy = "Start it and its workers again, and do the work once more"
             raise DermisError("the scheduler has gone", where=self.address, remedy=remedy, code="no-scheduler")
         large = {n: a for n, a in job.arrays.items() if np.asarray(a).nbytes >= LARGE}
@@ -166,10 +171,12 @@ class ClusterExecutor(JobExecutor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Take no more jobs, and leave the scheduler when those that are there are done.
+        """Refuse new jobs, and disconnect from the scheduler.
 
         Args:
-            wait: return then. cancel_futures: drop the jobs; those that run on workers end by themselves.
+            wait: whether to wait until all jobs are finished and then disconnect. If it is False, the connection stays
+                open.
+            cancel_futures: whether to drop the jobs. Jobs that run on workers continue to their end.
         """
         self._closed = True
         with self._lock:
@@ -181,7 +188,7 @@ class ClusterExecutor(JobExecutor):
             self._client.close()
 
     def close(self) -> None:
-        """Drop the jobs and leave the scheduler."""
+        """Drop the jobs and disconnect from the scheduler."""
         self.shutdown(cancel_futures=True)
 
     def _ask(self, what: Callable[[], dict[str, str]]) -> dict[str, dict[str, str]]:
@@ -195,9 +202,9 @@ class ClusterExecutor(JobExecutor):
             self.unlike.add(words)
 
     def _held(self, array: NDArray[Any]) -> str:
-        """Let workers hold an array as long as a job needs it; return its hash.
+        """Send an array to the workers, which keep it as long as a job needs it; return its hash.
 
-        One that nobody can write to is hashed once, however many jobs need it.
+        A read-only array is hashed only once, for all jobs that need it.
         """
         known, data = self._hashes.get(id(array)), b""
         if known is not None and known[0]() is array:
@@ -209,14 +216,15 @@ class ClusterExecutor(JobExecutor):
                 self._hashes[id(array)] = weakref.ref(array), key
         with self._lock:
             theirs, users = self._large.get(key, (None, 0))
-            if theirs is None:  # never the key of one that is just being forgotten
+            if theirs is None:
                 data = data or packed({}, {"array": array})
+                # A new key each time: dask may still be releasing an earlier task for the same array.
                 theirs = self._client.submit(hold, data, key=f"dermis-array-{key[:16]}-{uuid.uuid4().hex}")
             self._large[key] = theirs, users + 1
         return key
 
     def _left(self, held: list[str], future: JobFuture) -> None:
-        """Forget a job, and the arrays that nobody else needs."""
+        """Forget a job, and release the arrays that no other job needs."""
         with self._lock:
             self._open.discard(future)
             for key in held:
@@ -227,15 +235,15 @@ class ClusterExecutor(JobExecutor):
                     del self._large[key]
 
     def _drop(self, future: JobFuture, theirs: Any) -> None:
-        """Let go of a job that nobody wants any more, whether or not its scheduler is still there."""
+        """Cancel a job, whether or not its scheduler is still there."""
         with suppress(Exception):
             theirs.cancel()
-        with suppress(InvalidStateError):  # it has just ended
+        with suppress(InvalidStateError):  # the job has just ended
             future.fail(CancelledError())
 
     def _settle(self, future: JobFuture, theirs: Any) -> None:
-        """Give a job the result that dask has for it; called by a thread of dask's."""
-        with suppress(InvalidStateError):  # it was dropped meanwhile
+        """Set the result of a job from dask's future; a thread of dask calls this."""
+        with suppress(InvalidStateError):  # the job was dropped meanwhile
             self._give(future, theirs)
         future.ends_by(None)
 
@@ -253,7 +261,7 @@ class ClusterExecutor(JobExecutor):
 
 
 def _connected(address: str, keys: Keys | None) -> Any:
-    """Return dask's client of a scheduler."""
+    """Connect to a scheduler and return dask's client."""
     if (keys is not None) != (urlsplit(address).scheme == "tls"):
         raise DermisError(
             "TLS needs both an address tls://... and the three files of its keys",
@@ -276,7 +284,7 @@ def _connected(address: str, keys: Keys | None) -> Any:
     if keys is not None:
         files = {"tls_ca_file": keys.authority, "tls_client_cert": keys.certificate, "tls_client_key": keys.key}
         security = Security(**files, require_encryption=True)
-    dask.config.set({"distributed.admin.large-graph-warning-threshold": "2GiB"})  # scenes are large, and travel once
+    dask.config.set({"distributed.admin.large-graph-warning-threshold": "2GiB"})  # scenes are large, but sent once
     try:
         return Client(address, security=security, timeout=CONNECT_SECONDS, set_as_default=False)
     except Exception as error:
@@ -290,7 +298,7 @@ def _connected(address: str, keys: Keys | None) -> Any:
 
 
 def _failed(error: BaseException, where: str) -> DermisError:
-    """Return why dask has no result for a job."""
+    """Return the error for a job without a result, from dask's own exception."""
     said = " ".join(str(error).split())[:300]
     if isinstance(error, ImportError) or isinstance(error.__cause__, ImportError):
         what, code = "a worker, or the scheduler, does not find this engine", "no-engine"
@@ -306,7 +314,7 @@ def _failed(error: BaseException, where: str) -> DermisError:
 
 
 def is_open(address: str) -> bool:
-    """Return whether an address is one that others on the network can listen to: neither TLS nor this machine."""
+    """Return whether others on the network can listen to an address: neither TLS nor this machine."""
     parts = urlsplit(address)
     if parts.scheme in ("tls", "inproc"):
         return False

@@ -1,4 +1,4 @@
-"""Which engine this process is: what must be the same wherever jobs of one piece of work run, and what should."""
+"""Identity of this engine: properties that must, or should, agree between all processes that run jobs."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from ..shipped import BUILT_IN
 from ..version import version
 
 CORE = Path(__file__).resolve().parents[1]
-SAME = ("dermis", "sources", "presets")  # other ones give other results, and are refused
-ALIKE = ("python", "numpy", "scipy", "platform", "kernel")  # other ones give results that agree to some 1e-6
+SAME = ("dermis", "sources", "presets")  # properties that must agree, because other ones give other results
+ALIKE = ("python", "numpy", "scipy", "platform", "kernel")  # properties that may change results by about 1e-6
 
 
 @cache
 def engine() -> Mapping[str, str]:
-    """Return a description of this engine: version, digests of its sources and of the shipped presets, and platform.
+    """Return a description of this engine.
 
-    'kernel' is the choice of numpy's and scipy's BLAS for this processor, such as 'SkylakeX'.
+    It has the version, digests of the sources and of the shipped presets, versions of packages, and the platform.
+    'kernel' is the variant of numpy's and scipy's BLAS for this processor, such as 'SkylakeX'.
     """
     return {
         "dermis": version(),
@@ -39,13 +40,14 @@ def engine() -> Mapping[str, str]:
 
 
 def check_same(theirs: Mapping[str, str], where: str) -> None:
-    """Refuse an engine that is not this one.
+    """Check that another process has the same engine.
 
     Args:
-        theirs: of another process, see `engine`. where: which process that is.
+        theirs: engine of the other process, see `engine`.
+        where: name of the other process, for errors.
 
     Raises:
-        DermisError: code 'other-version': another version, other sources or presets; both are named.
+        DermisError: code 'other-version': the version, the sources or the presets differ.
     """
     ours = engine()
     other = [name for name in SAME if theirs.get(name) != ours[name]]
@@ -61,18 +63,18 @@ def check_same(theirs: Mapping[str, str], where: str) -> None:
 
 
 def unlike(theirs: Mapping[str, str]) -> str:
-    """Return the differences to another engine that may change a result's last digits, in words; '' if none."""
+    """Return, in words, the differences to another engine that may change last digits; '' if there is none."""
     ours = engine()
     other = [name for name in ALIKE if theirs.get(name) != ours[name]]
     return ", ".join(f"{name} {theirs.get(name, 'unknown')} (here {ours[name]})" for name in other)
 
 
 def _digest(folder: Path, *patterns: str) -> str:
-    """Return a hash of files' contents and names; line ends do not count."""
+    """Return a hash of the contents and names of files, independent of line ends."""
     sha = hashlib.sha256()
     files = {path.relative_to(folder).as_posix(): path for pattern in patterns for path in folder.glob(pattern)}
     for name in sorted(files):
-        if not name.startswith("built_in/"):  # of a wheel: the presets, which have a digest of their own
+        if not name.startswith("built_in/"):  # presets in a wheel; they have a digest of their own
             data = files[name].read_bytes()
             data = data if name.endswith(".npz") else data.replace(b"\r\n", b"\n")
             sha.update(f"{name} {len(data)}\n".encode())

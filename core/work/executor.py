@@ -1,7 +1,7 @@
-"""The seam through which work goes out: jobs by name, and futures that tell how far they are and can be ended.
+"""Executors of jobs by name, and their futures, which report progress and can be cancelled.
 
-It is the standard library's `concurrent.futures`: `wait`, `as_completed`, callbacks and `map` work as ever. Who writes
-an engine of their own, such as one on other machines, inherits from `JobExecutor`.
+They extend the standard library's `concurrent.futures`: `wait`, `as_completed` and callbacks work as usual. An
+executor of another kind, such as one on other machines, inherits from `JobExecutor`.
 """
 
 from __future__ import annotations
@@ -16,11 +16,14 @@ from numpy.typing import NDArray
 from ..errors import DermisError
 from .jobs import JOBS, Arrays, Job, Table
 
-POLL_SECONDS = 0.02  # the longest that `JobFuture.follow` waits between two looks
+POLL_SECONDS = 0.02  # [s] longest interval between two values of `JobFuture.follow`
 
 
 class JobFuture(Future[dict[str, NDArray[Any]]]):
-    """A job on its way; its result are arrays. Callbacks are called by threads of the executor."""
+    """Future of a job, whose result is a dictionary of arrays.
+
+    Threads of the executor may call callbacks.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -30,11 +33,14 @@ class JobFuture(Future[dict[str, NDArray[Any]]]):
         self._ending = threading.Lock()  # held while a job is ended, so that the next one is not ended in its place
 
     def progress(self) -> tuple[int, int]:
-        """Return how far the job is, as (done, total); (0, 0) where it has not said so yet."""
+        """Return the job's progress as (done, total); (0, 0) before its first report."""
         return self._progress
 
     def follow(self) -> Iterator[tuple[int, int]]:
-        """Yield the progress, at least every `POLL_SECONDS`, until the job has ended; leaving early cancels it."""
+        """Yield the progress at least every `POLL_SECONDS` until the job has ended.
+
+        Closing the generator early cancels the job.
+        """
         try:
             while not wait((self,), POLL_SECONDS).done:
                 yield self._progress
@@ -43,7 +49,11 @@ class JobFuture(Future[dict[str, NDArray[Any]]]):
             self.cancel()
 
     def cancel(self) -> bool:
-        """End the job, wherever it stands, and wait for that; return whether it ended without a result."""
+        """End the job, even while it runs, and wait for its end.
+
+        Returns:
+            Whether the job was cancelled. False if it has a result or has failed.
+        """
         self._unwanted = True
         if not super().cancel():
             with self._ending:
@@ -57,33 +67,38 @@ class JobFuture(Future[dict[str, NDArray[Any]]]):
         return super().cancelled() or (self.done() and isinstance(self.exception(), CancelledError))
 
     def report(self, done: int, total: int) -> None:
-        """Report how far the job is; for executors."""
+        """Set the job's progress; for executors."""
         self._progress = (int(done), int(total))
 
     def ends_by(self, end: Callable[[], None] | None) -> None:
-        """Set what ends the job half-way, from any thread, or None when it has left its worker; for executors."""
+        """Set the function that ends the running job, from any thread; for executors.
+
+        None means that the job has left its worker. If the job was cancelled before, the function is called at once.
+        """
         with self._ending:
             self._end = end
             if end is not None and self._unwanted:
                 end()
 
     def fail(self, error: Exception) -> None:
-        """Set why there is no result; for executors."""
+        """Set the job's error, or `CancelledError` if the job was cancelled; for executors."""
         self.set_exception(CancelledError() if self._unwanted else error)
 
 
 class JobExecutor(Executor):
-    """Does jobs by name. Leaving its `with` block by an exception ends what still runs, otherwise that is waited for.
+    """Base class of executors that run jobs by name.
+
+    At the end of a `with` block the executor waits for its jobs; after an exception it cancels them.
 
     Args:
-        workers: how many jobs can run side by side.
-        table: the jobs' names.
+        workers: number of jobs that can run in parallel.
+        table: names of the jobs.
 
     Attributes:
-        shares_files: a file of this process can be opened where jobs run; else their inputs have to travel.
+        shares_files: whether jobs can open files of this process. If not, their contents must be sent as arrays.
 
     Raises:
-        DermisError: less than one worker, who would never begin.
+        DermisError: there is less than one worker.
     """
 
     shares_files = True
@@ -98,16 +113,16 @@ class JobExecutor(Executor):
         return f"{type(self).__name__}(up to {self.workers} at once)"
 
     def room(self) -> int:
-        """Return how many jobs had better be under way, so that nobody waits and no more than that is held."""
+        """Return how many jobs should be submitted at once, to keep all workers busy with the least memory."""
         return self.workers
 
     def submit(  # type: ignore[override]  # a name where the standard library takes a function: nothing is pickled
         self, name: str, arrays: Arrays | None = None, parameters: Mapping[str, Any] | None = None
     ) -> JobFuture:
-        """Let a job be done; its arrays must not be changed until then.
+        """Submit a job; its arrays must not be changed until it has ended.
 
         Raises:
-            DermisError: no such job, or Python objects among its arrays or parameters.
+            DermisError: there is no such job, or its arrays or parameters contain Python objects.
             RuntimeError: the executor was shut down.
         """
         raise NotImplementedError
@@ -117,7 +132,7 @@ class JobExecutor(Executor):
 
 
 class InlineExecutor(JobExecutor):
-    """Does each job in this process before `submit` returns: for scripts and tests."""
+    """Executor that runs each job in this process before `submit` returns; for scripts and tests."""
 
     def submit(  # type: ignore[override]
         self, name: str, arrays: Arrays | None = None, parameters: Mapping[str, Any] | None = None

@@ -1,4 +1,4 @@
-"""The jobs that can be asked for by name: arrays and plain values go in, arrays come out, and nothing is pickled."""
+"""Jobs by name: functions from arrays and plain values to arrays; nothing is pickled."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from ..errors import DermisError
 
 Arrays = Mapping[str, NDArray[Any]]
-Report = Callable[[int, int], None]  # how far a job is: done, total
+Report = Callable[[int, int], None]  # called with a job's progress: done, total
 Table = Mapping[str, str]
 
-# name -> module:function, which is called with (arrays, parameters, report) and returns arrays
+# For each name 'module:function'. The function is called with (arrays, parameters, report) and returns arrays.
 JOBS: Table = {
     "skin": ".skin.job:make",
     "skin-files": ".skin.job:make_files",
@@ -38,7 +38,7 @@ _CORE = __package__.rpartition(".")[0]
 
 @dataclass(frozen=True)
 class Job:
-    """Work to be done: a name out of a table, arrays, and parameters that JSON can hold.
+    """A job: its name in a table, arrays, and parameters that JSON can represent.
 
     Raises:
         DermisError: code 'no-such-job': the name is not in the table; 'not-plain': Python objects among the inputs.
@@ -67,10 +67,10 @@ class Job:
                 raise DermisError("an array of Python objects", where=f"job '{self.name}', '{name}'", code="not-plain")
 
     def run(self, report: Report) -> dict[str, NDArray[Any]]:
-        """Do it in this process.
+        """Run the job in this process and return its arrays.
 
         Raises:
-            DermisError: refused by the job; code 'job-failed' for a defect in it, which the log then tells in full.
+            DermisError: raised by the job; code 'job-failed' for any other exception, whose traceback is printed.
         """
         module, _, function = self.table[self.name].partition(":")
         try:

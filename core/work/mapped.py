@@ -1,4 +1,4 @@
-"""Memory that two processes share, as a mapped file; and a record in it that one of them writes and the other reads."""
+"""Shared memory of two processes as a mapped file, and a record that one writes and the other reads."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ _SLOT = struct.Struct("<QII")  # number, length, CRC-32 of number and record
 
 
 def create(prefix: str, size: int) -> tuple[Path, int]:
-    """Make a file of zeros that only this user may read, in memory where the system has a place for that.
+    """Create a file of zeros that only this user may read.
 
-    Every page is there before it is mapped: a page for which there is no room later would end the process.
+    The file is in memory if the system has /dev/shm. All its pages are allocated before it is mapped, because a page
+    that cannot be allocated later would crash the process.
 
     Returns:
-        path, and an open descriptor.
+        Path and open descriptor of the file.
 
     Raises:
-        DermisError: there is no room.
+        DermisError: there is not enough room.
     """
     shared = Path("/dev/shm")
     folder = str(shared) if shared.is_dir() and os.access(shared, os.W_OK) else None
@@ -43,7 +44,7 @@ def create(prefix: str, size: int) -> tuple[Path, int]:
 
 
 def mapped(descriptor: int, size: int) -> mmap.mmap:
-    """Map an open file, and close its descriptor."""
+    """Map an open file into memory, and close its descriptor."""
     try:
         return mmap.mmap(descriptor, size)
     finally:
@@ -51,11 +52,13 @@ def mapped(descriptor: int, size: int) -> mmap.mmap:
 
 
 class MappedRecord:
-    """One record in two slots of a mapped file, each with a number and a CRC-32; the newest whole one counts.
+    """A record in a mapped file, without locks.
 
-    Nobody ever waits, and a reader never sees half a record.
+    It is written into two slots in turn, each with a number and a CRC-32. The newest complete slot is valid, so neither
+    side waits and a reader never gets an incomplete record.
 
     Args:
+        memory: the mapped file.
         offset, size: offset and size of the first of the two slots [bytes].
     """
 
@@ -64,10 +67,10 @@ class MappedRecord:
         self._number = max((self._slot(k)[0] for k in (0, 1)), default=0)
 
     def put(self, data: bytes) -> None:
-        """Write a record in place of the one before.
+        """Write a new record.
 
         Raises:
-            DermisError: it is too long.
+            DermisError: the record is too long.
         """
         if len(data) > self._size - _SLOT.size:
             raise DermisError(
@@ -80,12 +83,12 @@ class MappedRecord:
         self._memory[at : at + _SLOT.size] = _SLOT.pack(self._number, len(data), crc)
 
     def number(self) -> int:
-        """Return the number of the newest record without reading it; it may still be half written."""
+        """Return the number of the newest record, which may still be incomplete."""
         numbers = [struct.unpack_from("<Q", self._memory, self._offset + k * self._size)[0] for k in (0, 1)]
         return int(max(numbers))
 
     def get(self) -> tuple[int, bytes] | None:
-        """Return the newest whole record and its number, None before the first."""
+        """Return number and data of the newest complete record; None before the first."""
         found = max((self._slot(k) for k in (0, 1)), key=lambda s: s[0])
         return found if found[0] else None
 

@@ -1,4 +1,4 @@
-"""What travels between machines as one piece of bytes: plain values and arrays, nothing that has to be unpickled."""
+"""Parcels: plain values and arrays as one piece of bytes, to be sent between machines without pickle."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from ..npz import ArrayFile
 from .jobs import Arrays
 
 HEAD = "head.json"
-MAX_HEAD = 1 << 26  # bytes; a person's presets and a table's findings travel in it
+MAX_HEAD = 1 << 26  # [bytes] largest size of the plain values; among them are presets and a table's findings
 
 
 def packed(head: Mapping[str, Any], arrays: Arrays) -> bytes:
-    """Return plain values and arrays as bytes: an .npz with one text in it.
+    """Return plain values and arrays as bytes: an .npz file that also contains a JSON text.
 
     Raises:
-        DermisError: Python objects among the arrays.
+        DermisError: an array contains Python objects.
     """
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", allowZip64=True) as archive:
@@ -36,13 +36,14 @@ def packed(head: Mapping[str, Any], arrays: Arrays) -> bytes:
 
 
 def unpacked(data: bytes, where: str) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return the values and arrays that `packed` made bytes of.
+    """Return values and arrays from bytes; the inverse of `packed`.
 
     Args:
-        where: name in errors.
+        data: the bytes.
+        where: name for errors.
 
     Raises:
-        DermisError: it is something else, or damaged.
+        DermisError: the bytes are not a parcel, or are damaged.
     """
     archive = ArrayFile(io.BytesIO(data), where, len(data), "a parcel of arrays")
     head = json_of(archive.text(HEAD, MAX_HEAD), where, MAX_HEAD, constants=True)
@@ -52,10 +53,10 @@ def unpacked(data: bytes, where: str) -> tuple[dict[str, Any], dict[str, NDArray
 
 
 def bytes_of(array: NDArray[Any]) -> bytes:
-    """Return a file that travelled as an array."""
+    """Return the bytes of a file that was sent as an array."""
     return np.ascontiguousarray(array, np.uint8).tobytes()
 
 
 def array_from(data: bytes) -> NDArray[np.uint8]:
-    """Return a file as an array, to travel among others."""
+    """Return the bytes of a file as an array, to be sent among other arrays."""
     return np.frombuffer(data, np.uint8)

@@ -1,6 +1,7 @@
-"""Jobs done by child processes of this one, one after the other in each: both ends of the pipe.
+"""ProcessExecutor: jobs in child processes, with both ends of their pipes.
 
-Requests and replies are lines of JSON; arrays travel as .npz files in a folder that goes with the job.
+Each child runs one job after the other. Requests and replies are lines of JSON. Arrays are passed as .npz files in a
+temporary folder that is deleted after the job.
 """
 
 from __future__ import annotations
@@ -24,24 +25,25 @@ from .child import ChildProcess, close_at_exit, command, follow_parent
 from .executor import JobExecutor, JobFuture
 from .jobs import JOBS, Arrays, Job, Report, Table
 
-MOST_WORKERS = 8  # that are asked for where nobody says how many: each takes the memory of a scene and its skins
-MAX_END_SECONDS = 2.0  # an idle child may take so long to end by itself
+MOST_WORKERS = 8  # largest default number of workers; each takes the memory of a scene and its skins
+MAX_END_SECONDS = 2.0  # [s] time that an idle child has to end by itself
 
 
 def cores() -> int:
-    """Return how many processes can run side by side here, up to `MOST_WORKERS`."""
+    """Return the number of processes that can run in parallel on this machine, at most `MOST_WORKERS`."""
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(allowed, MOST_WORKERS)
 
 
 class ProcessExecutor(JobExecutor):
-    """A pool of child processes, started on demand, ended with this one.
+    """Pool of child processes, which start on demand and end with this process.
 
     Cancelling a running job ends its process; the next job starts another.
 
     Args:
-        workers: how many processes there are at most.
-        table: the jobs' names. line: the command line of a child that serves this table.
+        workers: largest number of processes.
+        table: names of the jobs.
+        line: command line of a child that serves this table; None for the default.
     """
 
     def __init__(self, workers: int = 1, *, table: Table = JOBS, line: list[str] | None = None) -> None:
@@ -71,16 +73,16 @@ class ProcessExecutor(JobExecutor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Take no more jobs, and end the processes when those that are there are done.
+        """Refuse new jobs, and end the processes when the submitted jobs are finished.
 
         Args:
-            wait: return when the processes have ended.
-            cancel_futures: cancel the jobs, running ones too.
+            wait: whether to return only when the processes have ended.
+            cancel_futures: whether to cancel all jobs, including running ones.
         """
         with self._lock:
             self._closed = True
             for _ in self._threads:
-                self._jobs.put(None)  # more of them than are taken do no harm
+                self._jobs.put(None)  # surplus None items do no harm
         for future in list(self._open) if cancel_futures else ():
             future.cancel()
         for thread in self._threads if wait else ():
@@ -91,7 +93,7 @@ class ProcessExecutor(JobExecutor):
         self.shutdown(cancel_futures=True)
 
     def _work(self) -> None:
-        """Do jobs in a process until there will be no more: a thread for each worker, which waits for it."""
+        """Run jobs in one child process until the executor is shut down; each worker has a thread for this."""
         worker: _Worker | None = None
         while (item := self._jobs.get()) is not None:
             future, job = item
@@ -102,7 +104,7 @@ class ProcessExecutor(JobExecutor):
                     worker = _Worker("a worker", self._line, replies=True)
                 future.ends_by(worker.kill)
                 future.set_result(worker.run(job, future.report))
-            except Exception as error:  # it goes to whoever waits for the result
+            except Exception as error:  # the future passes the error on
                 future.fail(error)
             finally:
                 future.ends_by(None)
@@ -111,13 +113,14 @@ class ProcessExecutor(JobExecutor):
 
 
 class _Worker(ChildProcess):
-    """A child process that does one job after the other."""
+    """A child process that runs one job after the other."""
 
     def run(self, job: Job, report: Report) -> dict[str, NDArray[Any]]:
-        """Do a job and wait for it.
+        """Run a job and wait for its result.
 
         Raises:
-            DermisError: raised by the job; code 'job-crashed' where the process ended before it, or talks nonsense.
+            DermisError: raised by the job; code 'job-crashed' if the process ends before its job or its reply cannot
+                be read.
         """
         with tempfile.TemporaryDirectory(prefix="dermis-job-", ignore_cleanup_errors=True) as folder:
             given, result = Path(folder, "in.npz"), Path(folder, "out.npz")
@@ -128,7 +131,7 @@ class _Worker(ChildProcess):
                     return _read(result)
             except DermisError:
                 raise
-            except Exception as error:  # its next words would be taken for the reply to another job
+            except Exception as error:  # its next output would be taken for the reply to another job
                 self.kill()
                 raise DermisError(
                     "the worker's reply cannot be read",
@@ -143,17 +146,21 @@ class _Worker(ChildProcess):
         )
 
     def _ask(self, request: Mapping[str, Any], report: Report) -> bool:
-        """Let a request be done; return whether it was: False where the process ended before.
+        """Send a request and read replies until it is done.
+
+        Returns:
+            True when the job is done; False if the process ended before.
 
         Raises:
-            DermisError: raised by the job. Anything else: a reply that is none.
+            DermisError: raised by the job.
+            Exception: of any kind, if a reply cannot be read.
         """
         assert self.stdin is not None and self.stdout is not None
-        with contextlib.suppress(OSError):  # it has ended; its replies end then, too
+        with contextlib.suppress(OSError):  # the process has ended; then its replies end as well
             self.stdin.write(json.dumps(request).encode() + b"\n")
             self.stdin.flush()
         for line in self.stdout:
-            if not line.endswith(b"\n"):  # it died in the middle of a word
+            if not line.endswith(b"\n"):  # the process died while it wrote the line
                 break
             message = json.loads(line)
             if "progress" in message:
@@ -166,9 +173,12 @@ class _Worker(ChildProcess):
 
 
 def serve(table: Table = JOBS) -> int:
-    """Do the work that the parent pipe asks for; when the parent has gone, end at once, in the middle of a job too."""
+    """Run the jobs requested through the parent pipe; this is the child's main function.
+
+    When the parent has gone, the process ends at once, even during a job.
+    """
     replies = os.fdopen(os.dup(1), "wb", buffering=0)
-    os.dup2(2, 1)  # what anything prints goes to the log, not between the replies
+    os.dup2(2, 1)  # printed output goes to the log, not between the replies
     requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     follow_parent(lambda: os._exit(0), requests.put)
 

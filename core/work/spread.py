@@ -1,4 +1,4 @@
-"""Many jobs handed out a few at a time, so that their inputs are held for few, and results come as they are done."""
+"""Many jobs in parallel, submitted a few at a time, so that only few inputs are in memory."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Key = TypeVar("Key")
 
 
 class Asked(NamedTuple):
-    """A job to be done: its name, arrays and parameters, see `JobExecutor.submit`."""
+    """A job to be submitted: its name, arrays and parameters, see `JobExecutor.submit`."""
 
     name: str
     arrays: Arrays
@@ -23,12 +23,16 @@ class Asked(NamedTuple):
 def spread(
     executor: JobExecutor, asked: Iterable[tuple[Key, Asked]]
 ) -> Generator[tuple[Key, JobFuture] | None, None, None]:
-    """Let jobs be done side by side; yield each with its key as it ends, and None while nothing does.
+    """Run jobs in parallel.
 
-    Jobs are drawn from `asked` when there is room for them. Leaving early cancels unfinished work.
+    Each job is drawn from `asked` when the executor has room for it. Closing the generator early cancels unfinished
+    jobs.
+
+    Yields:
+        Key and future of each job when the job has ended; None after each interval in which no job has ended.
 
     Raises:
-        Whatever drawing the next job raises, or submitting it.
+        Any error from `asked` or from submitting a job.
     """
     left = iter(asked)
     running: dict[JobFuture, Key] = {}

@@ -1,1 +1,1 @@
-"""Surrogate: the effect of a device pose on skin or a sensor, solved directly or learned, behind one interface."""
+"""Surrogates: learned models of a device pose's effect on skin or a sensor, and the direct model."""

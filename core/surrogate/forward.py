@@ -1,4 +1,4 @@
-"""ForwardModel: from a device's configuration to the stimulus of the skin, solved directly or learned."""
+"""ForwardModel: stimulus of the skin for a device's configuration; and the direct model, which solves the contact."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..skin.stimulus import Stimulus
 
 
 class ForwardModel(Protocol):
-    """Stimulus and its derivative for a configuration, from a friction state that is fixed beforehand.
+    """Interface of models that return the stimulus for a configuration, and its derivative, at a fixed friction state.
 
     Source: [S0] 3.4, sigma(x, f).
     """
@@ -36,19 +36,19 @@ class ForwardModel(Protocol):
 
 
 class DirectModel:
-    """The contact solved for each configuration; the derivative by implicit differentiation.
+    """Forward model that solves the contact for each configuration.
 
-    On skin that follows the neo-Hookean law configurations are tried on linear skin, with the offset that the contact
-    has; `looked` and `stimulus` are by the law.
+    The derivative is computed by implicit differentiation. On skin that follows the neo-Hookean law, `evaluate` uses
+    linear skin with the current correction of the contact, while `looked` and `stimulus` use the law.
 
     Args:
-        device: the mechanism. contact: the skin and the disc.
-        observation: the observed quantities; on linear skin a matrix from forces on the nodes of the skin's pad to
-            stimulus components, shape (k, 3 m), will do. It applies to the touch and to the disc, whose points press on
-            these nodes.
+        device: the mechanism.
+        contact: contact of the disc with the skin.
+        observation: the observed quantities. For linear skin a matrix is enough, which maps forces on the pad nodes to
+            stimulus components, shape (k, 3 m). It is used for the touch and for the disc.
 
     Raises:
-        DermisError: an observation that does not fit the skin, or a matrix alone on skin that follows a law.
+        DermisError: the observation does not fit the skin, or is a matrix although the skin follows a law.
     """
 
     def __init__(self, device: DiscDevice, contact: DiscContact, observation: Array | Observer) -> None:
@@ -101,27 +101,30 @@ class DirectModel:
         return np.asarray(self._of_points @ solution.spread(self.contact.count).ravel())
 
     def stimulus(self, solution: DiscSolution) -> Array:
-        """Return the stimulus of a contact, shape (k,): by the law where that was asked."""
+        """Return the stimulus of a contact, shape (k,); by the law if the contact was solved by the law."""
         if solution.amounts is None or self.observer is None or not solution.touching:
             return self.linear(solution)
         return self.observer.see(self.felt(self.observer, solution))
 
     def felt(self, observer: Observer, solution: DiscSolution) -> Stimulus:
-        """Return the state of the skin under a contact; the last is kept, since its stress is needed more than once."""
+        """Return the state of the skin in a contact.
+
+        The last state is kept, because its stress is needed more than once.
+        """
         if self._felt is None or self._felt[0] is not solution:
             made = Stimulus(observer.skin, self.contact.nodal(solution), None, solution.amounts)
             self._felt = solution, made
         return self._felt[1]
 
     def solution(self, x: Array) -> DiscSolution:
-        """Return the contact itself, on linear skin with the offset that the contact has."""
+        """Return the solved contact on linear skin, with the current correction of the contact."""
         key = x.tobytes()
         if self._last is None or self._last[0] != key:
             self._last = (key, self.contact.tried(placed(self.device, self.device.pose(x))))
         return self._last[1]
 
     def looked(self, x: Array) -> DiscSolution:
-        """Return the contact by the law, whose offset configurations are tried with from now on."""
+        """Return the contact solved by the law; later evaluations use the correction found here."""
         if self.contact.law is None:
             return self.solution(x)
         key = x.tobytes()

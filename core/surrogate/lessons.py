@@ -1,7 +1,7 @@
-"""Lessons: movements of the device to learn from, and others of the same kinds held out to judge by.
+"""Lessons: movements of the device for training, and movements of the same kinds held out for testing.
 
-Held-out sets are chosen by movement before training: samples of one movement are too alike to judge each
-other.
+Whole movements are held out, and they are chosen before training. Samples of one movement are too similar to be split
+between training and test.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ class Movements:
     """A kind of movements.
 
     Attributes:
-        share: of the number of movements that are asked for. pressed: see `record`. learned: share to learn from.
+        share: number of movements of this kind, relative to the requested number of trajectories.
+        pressed: see `record`.
+        learned: share of the movements used for training.
     """
 
     share: float
@@ -34,12 +36,12 @@ class Movements:
 
 # Source: [S0] 4.2, half of straight presses to train and half to test; the other kind is what devices do in use
 KINDS = {"straight": Movements(1.0, 1, 0.5), "in_use": Movements(0.35, 3, 0.75)}
-FEWEST = 4
+FEWEST = 4  # least number of movements of a kind
 
 
 @dataclass(frozen=True, eq=False)
 class Lessons:
-    """Training set, and the held-out set of each of `KINDS`."""
+    """Training set of all kinds, and the held-out set of each of `KINDS`."""
 
     data: Dataset
     held_out: dict[str, Dataset]
@@ -48,10 +50,12 @@ class Lessons:
 def lessons(
     device: DiscDevice, contact: DiscContact, trajectories: int, seed: int = 0
 ) -> Generator[tuple[int, int], None, Lessons]:
-    """Record movements of both kinds and hold some out; yields movements done and in all.
+    """Record movements of both kinds and hold some out.
+
+    Yields (finished, all) movements and returns the lessons.
 
     Raises:
-        DermisError: servo limits that exclude contact, or nothing recorded.
+        DermisError: the servo limits exclude contact, or nothing is recorded.
     """
     counts = {name: max(round(kind.share * trajectories), FEWEST) for name, kind in KINDS.items()}
     total, before = sum(counts.values()), 0
@@ -71,11 +75,11 @@ def _of_all(before: int, total: int, step: tuple[int, int]) -> tuple[int, int]:
 
 
 def judged(fit: Fit, tables: Mapping[str, SampleTable]) -> dict[str, dict[str, float]]:
-    """Return how far a fit is off on tables that were held out.
+    """Return the errors of a fit on held-out tables.
 
     Returns:
-        of each table 'error', as `relative_rms`, 'most', which nine in ten movements stay below, and the number of
-        'movements' and 'samples'.
+        For each table: 'error', see `relative_rms`; 'most', the 90 % quantile of the movements' errors; and the numbers
+        of 'movements' and 'samples'.
     """
     out = {}
     for name, table in tables.items():

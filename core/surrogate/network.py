@@ -1,4 +1,4 @@
-"""Network: one hidden layer of softplus neurons, trained here with L-BFGS; nothing beyond numpy and scipy is needed.
+"""Network with one hidden layer of softplus neurons, trained by L-BFGS with NumPy and SciPy alone.
 
 Source: [S0] 4.2 (18-260-10, softplus because it can be differentiated)
 """
@@ -19,18 +19,20 @@ Report = Callable[[int, int], None]
 
 HIDDEN = 260  # Source: [S0] 4.2
 ITERATIONS = 150
-PENALTY = 1e-4  # on output weights, times the number of samples; far less drowns in single precision
-DECAY = 1e-6  # of the hidden layer's weights, relative to the mean square of the channels
+# Factor of the squared output weights in the loss, whose error term is a mean over the samples. A much smaller penalty
+# is lost in single precision.
+PENALTY = 1e-4
+DECAY = 1e-6  # factor of the squared weights of the hidden layer, relative to the mean square of the channels
 
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """y = mean + size * (V softplus(A s + a) + b) with s the standardised inputs.
+    """Network y = V softplus(A s + a) + b, where s are the standardised inputs.
 
     Attributes:
         centre, scale: mean and scale of the inputs, shape (p,).
-        weights, bias: A (h, p) and a (h,), of the hidden layer.
-        output_weights, offset: V (c, h) and b (c,), in the channels' own units.
+        weights, bias: A, shape (h, p), and a, shape (h,), of the hidden layer.
+        output_weights, offset: V, shape (c, h), and b, shape (c,), in the channels' own units.
     """
 
     centre: Array
@@ -56,12 +58,17 @@ class Network:
         return len(self.bias)
 
     def predict(self, u: Array) -> Array:
-        """Return channels for rows of inputs."""
+        """Return the channels for rows of inputs."""
         z = ((np.atleast_2d(u) - self.centre) / self.scale) @ self.weights.T + self.bias
         return softplus(z) @ self.output_weights.T + self.offset
 
     def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
-        """Return the channels and their derivative along ways of the inputs."""
+        """Return the channels, shape (c,), and their derivatives along directions of the inputs, shape (c, d).
+
+        Args:
+            u: inputs, shape (p,).
+            ways: directions of the inputs, shape (p, d).
+        """
         z = self.weights @ ((u - self.centre) / self.scale) + self.bias
         both = np.empty((len(z), 1 + ways.shape[1]))
         both[:, 0] = softplus(z)
@@ -93,17 +100,20 @@ def train(
 ) -> Network:
     """Train a network on a table; the same table and seed give the same network.
 
-    Only the hidden layer is searched for: the output weights are the best ones for it in every step, which is worth
-    many steps of a search for both.
+    Only the weights of the hidden layer are optimised by L-BFGS. In each step the output weights are the optimal ones
+    for this hidden layer. This saves many steps compared with an optimisation of both.
 
     Args:
-        hidden: number of neurons of the hidden layer.
-        iterations: number of iterations of L-BFGS.
-        penalty: on the squared output weights. decay: on the squared weights of the hidden layer.
-        report: called with iterations done and in all.
+        table: inputs and channels.
+        hidden: number of neurons in the hidden layer.
+        iterations: largest number of iterations of L-BFGS.
+        penalty: factor of the squared output weights in the loss.
+        decay: factor of the squared weights of the hidden layer in the loss.
+        seed: seed of the initial weights.
+        report: function that is called with (done, total) iterations.
 
     Raises:
-        DermisError: no neurons or no iterations.
+        DermisError: there are no neurons or no iterations.
 
     Source: Golub and Pereyra 1973 (variable projection)
     """
@@ -121,11 +131,14 @@ def train(
     active, rates = np.ones((n, hidden + 1), np.float32), np.empty((n, hidden), np.float32)
 
     def best(theta: Array) -> Array:
-        """Leave the neurons' answers and their rates behind; return the best output weights, offset last."""
+        """Return the optimal output weights, with the offset last.
+
+        The outputs of the neurons and their derivatives are left in `active` and `rates`.
+        """
         a, b = np.split(theta.astype(np.float32), [hidden * p])
         z = s @ a.reshape(hidden, p).T
         z += b
-        # both from one exponential, in place: this is where training spends its time
+        # Softplus and its derivative are computed from one exponential and in place: most of the training time is here.
         e = np.exp(-np.abs(z))
         np.log1p(e, out=active[:, :-1])
         active[:, :-1] += np.maximum(z, 0.0)
@@ -145,7 +158,7 @@ def train(
         miss -= wanted
         back = miss @ v32[:-1].T
         back *= rates
-        # the output weights are at their best, so that their own change does not count
+        # The output weights are optimal, so the gradient has no contribution from their change.
         gradient = np.concatenate([(back.T @ s).ravel(), back.sum(axis=0)]).astype(np.float64) * (2.0 / (n * c))
         gradient[: hidden * p] += (2.0 * decay / c) * weights
         value = float(np.einsum("ij,ij->", miss, miss, dtype=np.float64)) / n
@@ -167,10 +180,10 @@ def train(
 
 
 def _start(s: NDArray[np.float32], hidden: int, rng: np.random.Generator) -> Array:
-    """Return weights and biases of a hidden layer to start from.
+    """Return initial weights and biases of a hidden layer.
 
-    Neurons come in opposite pairs: softplus(z) - softplus(-z) = z, so that linear functions of the inputs are there at
-    once.
+    Neurons come in opposite pairs. Because softplus(z) - softplus(-z) = z, the initial network can represent linear
+    functions of the inputs.
     """
     half, size = hidden - hidden // 2, float(np.sqrt((s * s).sum(axis=1).mean())) or 1.0
     weights, bias = rng.normal(0.0, 1.0 / size, (half, s.shape[1])), rng.uniform(-1.0, 1.0, half)

@@ -1,9 +1,10 @@
-"""ONNX: a network as a file that others can run, written and checked without the onnx package.
+"""ONNX files of networks, written and checked without the onnx package.
 
-ONNX is a protocol-buffer message. This file writes a fixed graph of ten operators in opset 17, with inputs
-`features` (n, p): pose, components of trial forces, components of friction's forces, and `slopes` (n, p, d): their
-derivative by the pose, and outputs `stress` (n, c) and `jacobian` (n, c, d), all in double precision; a JSON text in
-the model's metadata says for which skin and device it was trained. onnxruntime runs it.
+ONNX is a protocol-buffer message. This module writes a fixed graph of ten kinds of operators in opset 17, in double
+precision. The input `features`, shape (n, p), has the pose and the components of trial forces and friction forces. The
+input `slopes`, shape (n, p, d), is their derivative by the pose. The outputs are `stress`, shape (n, c), and
+`jacobian`, shape (n, c, d). A JSON text in the model's metadata names the skin and the device for which it was trained.
+onnxruntime runs the model.
 """
 
 from __future__ import annotations
@@ -27,24 +28,26 @@ from .network import Network
 OPSET, IR_VERSION = 17, 8
 META = "dermis"
 SCHEMA = "dermis-surrogate 2"
-OLDER = ("dermis-surrogate 1",)  # told neither where nodes touch nor where they stick
+OLDER = ("dermis-surrogate 1",)  # earlier schemas, whose inputs do not show which nodes touch and which stick
 INPUTS, OUTPUTS = ("features", "slopes"), ("stress", "jacobian")
-MAX_SIZE = 1 << 16  # of inputs and outputs; the finest skin has some thousand
+MAX_SIZE = 1 << 16  # largest number of inputs and of outputs; the finest skin has some thousand
 _DOUBLE = 11  # TensorProto.DOUBLE
 _INT64 = 7
 
 
 def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
-    """Return a network as an ONNX model; the same network gives the same bytes.
+    """Return a network as an ONNX model; equal networks give equal bytes.
 
     Args:
-        meta: plain values of its training, such as skin and device keys.
+        network: the network.
+        meta: plain values about its training, such as the keys of skin and device.
     """
     p, c, h = network.inputs, network.outputs, network.hidden
     ways = int((meta or {}).get("freedoms", 3))
     weights = network.weights / network.scale
     bias = network.bias - weights @ network.centre
-    # log(1 + e^-|z|) + max(z, 0): the plain Softplus operator overflows or is single precision only in some runtimes
+    # Softplus is computed as log(1 + e^-|z|) + max(z, 0), because in some runtimes the operator Softplus overflows or
+    # exists only in single precision.
     nodes = [
         _node("MatMul", ["features", "weights"], ["uw"]),
         _node("Add", ["uw", "bias"], ["z"]),
@@ -92,7 +95,7 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
 
 
 def write(path: Path, network: Network, meta: Mapping[str, Any] | None = None) -> None:
-    """Write a network as an ONNX file, whole or not at all.
+    """Write a network as an ONNX file, atomically.
 
     Raises:
         DermisError: the file cannot be written.
@@ -101,7 +104,7 @@ def write(path: Path, network: Network, meta: Mapping[str, Any] | None = None) -
 
 
 class _Bound:
-    """A session with its inputs and outputs tied to arrays: a call copies a few numbers and allocates little."""
+    """A session of onnxruntime with fixed arrays for inputs and outputs, so that a call allocates little memory."""
 
     def __init__(self, session: Any, inputs: int, outputs: int, ways: int) -> None:
         self._features, self._slopes = np.zeros((1, inputs)), np.zeros((1, inputs, ways))
@@ -125,12 +128,13 @@ class OnnxFit:
     """A network in an ONNX file, run by onnxruntime.
 
     Args:
-        path: the file.
-        expected: values that its metadata must have, such as {'skin': ..., 'device': ...}.
+        path: path of the file.
+        expected: values that the metadata must have, such as {'skin': ..., 'device': ...}.
 
     Raises:
-        DermisError: onnxruntime is missing, the file is not a whole ONNX model, has other inputs, outputs, shapes or a
-            newer opset than this product writes, or was trained for something else.
+        DermisError: onnxruntime is missing or cannot run the file; the file is not a complete ONNX model of this
+            product; its inputs, outputs, shapes or opset are not those that this product writes; or its metadata do not
+            have the `expected` values.
     """
 
     def __init__(self, path: Path, expected: Mapping[str, Any] | None = None) -> None:
@@ -160,7 +164,7 @@ class OnnxFit:
             self._check(where)
         except DermisError:
             raise
-        # onnxruntime raises classes of its own for every kind of damage, and names that are no text while they are read
+        # onnxruntime raises its own exceptions for damaged files; names that are not text raise others.
         except Exception as error:
             raise DermisError("onnxruntime cannot run this file", where=where, value=str(error)[:200]) from error
         self._bound: _Bound | None = None
@@ -180,12 +184,17 @@ class OnnxFit:
         return int(self.meta.get("freedoms", 3))
 
     def predict(self, u: Array) -> Array:
-        """Return channels for rows of inputs."""
+        """Return the channels for rows of inputs."""
         u = np.atleast_2d(np.asarray(u, np.float64))
         return self._session.run(["stress"], {"features": u, "slopes": np.zeros((*u.shape, self._ways))})[0]
 
     def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
-        """Return the channels and their derivative along the device's ways of the inputs."""
+        """Return the channels, shape (c,), and their derivatives along directions of the inputs, shape (c, d).
+
+        Args:
+            u: inputs, shape (p,).
+            ways: derivative of the inputs with respect to the pose, shape (p, d).
+        """
         if self._bound is None:
             self._bound = _Bound(self._session, self.inputs, self.outputs, self._ways)
         return self._bound.run(u, ways)
@@ -207,10 +216,15 @@ class OnnxFit:
 
 
 def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
-    """Return the metadata of an ONNX model of ours.
+    """Return the metadata of an ONNX model that this product wrote.
+
+    Args:
+        data: content of the file.
+        where: name of the file, for errors.
 
     Raises:
-        DermisError: not an ONNX model, truncated, without our metadata, or of a newer opset.
+        DermisError: the data are not an ONNX model, are truncated, have no metadata of this product or those of an
+            older schema, impossible sizes, or a newer opset.
     """
     text, opset = None, 0
     try:
@@ -250,7 +264,7 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
     if not 1 <= opset <= OPSET:
         raise DermisError("another ONNX operator set", where=where, value=opset, limit=f"1 to {OPSET}")
     sizes = [meta.get(n) for n in ("inputs", "outputs")]
-    freedoms = meta.get("freedoms", 3)  # files from before six-leg platforms could be learned do not say
+    freedoms = meta.get("freedoms", 3)  # older files, made only for three degrees of freedom, lack it
     enough = type(freedoms) is int and freedoms in (3, 6)
     if not enough or not all(
         type(n) is int and low <= n <= MAX_SIZE for n, low in zip(sizes, (freedoms, 1), strict=True)
@@ -300,7 +314,7 @@ def _value(name: str, shape: tuple[int | str, ...]) -> bytes:
 
 
 def _fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Yield field numbers and values of a message; raises ValueError or IndexError where it is cut off."""
+    """Yield field numbers and values of a message; ValueError or IndexError if it is truncated."""
     at = 0
     while at < len(data):
         key, at = _read_number(data, at)

@@ -1,4 +1,4 @@
-"""Soundness of a surrogate that was read: parts that fit each other and the skin, finite, and able to answer."""
+"""Checks of a surrogate from files: shapes, finite values, and a trial evaluation."""
 
 from __future__ import annotations
 
@@ -15,19 +15,22 @@ REMEDY = "Adapt it again, or use the direct method"
 
 
 def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
-    """Refuse a surrogate whose parts do not fit together.
+    """Check that the parts of a surrogate fit together.
 
     Args:
+        made: the surrogate.
         size: number of components of the forces on the skin's pad nodes.
         freedoms: number of degrees of freedom of the device.
+        where: name of the surrogate, for errors.
 
     Raises:
-        DermisError: a part of another shape, with values that are not finite, or sizes that differ between parts.
+        DermisError: a part has a wrong shape or values that are not finite, the scale of the ridge has zeros, the sizes
+            of network and descriptors differ, or the modulus is not valid.
     """
     spaces, ridge = made.descriptors, made.ridge
     stress, trial, friction = spaces.stress, spaces.trial, spaces.friction
     k, t, q = (len(np.atleast_1d(space.basis)) for space in (stress, trial, friction))
-    p, any_size, places3 = freedoms + t + q, stress.mean.size, trial.mean.size  # pressed points need not be the nodes
+    p, any_size, places3 = freedoms + t + q, stress.mean.size, trial.mean.size  # points, not pad nodes
     wanted: dict[str, tuple[Array, tuple[int, ...]]] = {
         "stress_mean": (stress.mean, (any_size,)),
         "stress_basis": (stress.basis, (k, any_size)),
@@ -74,15 +77,15 @@ def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
 
 
 def try_out(model: ForwardModel, poses: Iterable[Array], where: str) -> None:
-    """Evaluate a model, so that its failures are known before a sequence begins.
+    """Evaluate a model at some poses, to detect failures before a sequence begins.
 
     Raises:
-        DermisError: it fails, or answers with another shape or with values that are not finite.
+        DermisError: an evaluation fails, or its result has a wrong shape or values that are not finite.
     """
     for x in poses:
         try:
             value, slope = model.evaluate(x)
-        except Exception as error:  # whoever runs the model has classes of its own
+        except Exception as error:  # onnxruntime raises its own exceptions
             raise DermisError(
                 "the surrogate cannot be evaluated",
                 where=where,

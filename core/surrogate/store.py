@@ -1,8 +1,9 @@
-"""Surrogates made from scratch with progress, and kept in two files.
+"""Training, saving and loading of surrogates.
 
-`NAME.npz` holds the descriptors, their error curves and the quadratic ridge; `NAME.onnx` the network, for this product
-and for others. Both say which skin, device and friction they were made for and are refused for any other. Those of the
-first form, whose models were not told where nodes touch and stick, are recognised and to be made again.
+A surrogate is kept in two files. `NAME.npz` has the descriptors, their error curves and the quadratic ridge.
+`NAME.onnx` has the network, for this product and for others. Both name the skin, device and friction for which they
+were made, and are refused for any other. Files of the first schema are recognised, and must be made again: the inputs
+of their models do not show which nodes touch and which stick.
 """
 
 from __future__ import annotations
@@ -43,11 +44,11 @@ _RIDGE = ("centre", "scale", "constant", "linear", "quadratic")
 
 
 def device_key(device: DiscDevice) -> str:
-    """Return a key for all inputs of a device's effect on a skin."""
-    usual = {"side": 1.0, "bounds": None}  # what most devices have in common is left out
+    """Return a key that depends on all properties of a device that change its effect on a skin."""
+    usual = {"side": 1.0, "bounds": None}  # values of most devices, which are left out of the key
     parts = {k: _plain(v) for k, v in asdict(cast(Any, device)).items()}
     if "bend" in parts:
-        parts["knee"] = parts.pop("bend")  # as in the preset, and in the keys of earlier models
+        parts["knee"] = parts.pop("bend")  # the name in presets and in the keys of earlier models
     told = {k: v for k, v in parts.items() if k not in usual or v != usual[k]}
     return cache_key(json.dumps(told, sort_keys=True))[:32]
 
@@ -59,13 +60,16 @@ def _plain(value: Any) -> Any:
 
 
 def place_of(folder: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Path:
-    """Return where a folder of adaptations keeps the one for a skin's shape, a device and a friction."""
+    """Return the path of a surrogate in a folder, for a skin's shape, a device and a friction coefficient."""
     key = cache_key(SCHEMA, skin.key, pressed_on(skin), device_key(device), repr(float(friction)))
     return Path(folder) / f"{key[:32]}.npz"
 
 
 def contact_of(device: DiscDevice, skin: SkinModel, friction: float) -> DiscContact:
-    """Return the device's disc against a skin: on points of it, or on its mesh's nodes where it has no smooth pad."""
+    """Return the contact of a device's disc with a skin.
+
+    The disc presses on points of the skin's smooth pad, or on the nodes of the mesh if there is no smooth pad.
+    """
     return DiscContact(press_points(skin), Disc(radius=device.disc_radius), friction)
 
 
@@ -81,14 +85,24 @@ def adapt(
     iterations: int = ITERATIONS,
     report: Callable[[str, int, int], None] | None = None,
 ) -> Generator[tuple[str, int, int], None, Surrogate]:
-    """Make a surrogate for a skin: record, find the descriptors, fit both models; yields stage, done, total.
+    """Make a surrogate for a skin: record movements, find descriptors and fit both models.
+
+    Yields (stage, done, total) and returns the surrogate.
 
     Args:
-        trajectories: straight presses, see `lessons`; half of them are held out.
-        report: also called inside the training, which is one long step.
+        device: the device.
+        skin: the skin; the surrogate is made for its linear tissue.
+        friction: friction coefficient.
+        trajectories: number of straight presses, see `lessons`; half of them are held out.
+        seed: seed of the movements and of the network's initial weights.
+        tolerance: error of the descriptors, see `descriptors`.
+        hidden: number of neurons in the hidden layer.
+        iterations: number of iterations of the training.
+        report: function that is called with (stage, done, total) during the training, which is one long step of the
+            generator.
 
     Raises:
-        DermisError: servo limits that exclude contact, or settings out of range.
+        DermisError: the servo limits exclude contact, or a setting is out of range.
     """
     recording = lessons(device, contact_of(device, skin.linear, friction), trajectories, seed)
     found = yield from in_words(recording, lambda step: ("dataset", *step))
@@ -123,10 +137,10 @@ def adapt(
 
 
 def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
-    """Write NAME.npz and NAME.onnx; `path` is either of them or NAME.
+    """Write NAME.npz and NAME.onnx and return their paths; `path` is either of them or NAME.
 
     Raises:
-        DermisError: the network is not one trained here, or a file cannot be written.
+        DermisError: the network was read from a file, or a file cannot be written.
     """
     if not isinstance(surrogate.network, Network):
         raise DermisError("this surrogate came from a file", where=str(path), remedy="Copy the file")
@@ -138,7 +152,7 @@ def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
     arrays.update({f"ridge_{n}": getattr(surrogate.ridge, n) for n in _RIDGE})
     tables, graph = Path(path).with_suffix(".npz"), Path(path).with_suffix(".onnx")
     onnx.write(graph, surrogate.network, meta)
-    write_npz(tables, arrays)  # last: a surrogate is there when its tables are
+    write_npz(tables, arrays)  # written last: if this file exists, the surrogate is complete
     return tables, graph
 
 

@@ -1,4 +1,4 @@
-"""Surrogate: everything learned for one skin and device."""
+"""Surrogate: all learned parts of a forward model for one skin and device."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class Surrogate:
 
     Attributes:
         descriptors: descriptors of stress, trial forces and friction state.
-        ridge, network: fits; `network` is either the trained one or the ONNX file's.
-        meta: skin, device, friction and modulus it was made for, sample counts, test errors.
+        ridge, network: the two fits; `network` is either a trained network or one from an ONNX file.
+        meta: skin, device, friction and modulus for which the surrogate was made, numbers of samples and test errors.
     """
 
     descriptors: Descriptors
@@ -32,13 +32,16 @@ class Surrogate:
     meta: Mapping[str, Any]
 
     def model(self, device: DiscDevice, skin: SkinModel, contact: DiscContact, kind: str = "network") -> LearnedModel:
-        """Return the forward model of a device against a skin of this shape, of any stiffness.
+        """Return the forward model of a device on a skin of the same shape and of any stiffness.
 
         Args:
-            contact: contact of the device's disc with that skin.
+            device: the device.
+            skin: the skin.
+            contact: contact of the device's disc with the skin.
+            kind: fit of the model, 'network' or 'ridge'.
 
         Raises:
-            DermisError: neither 'network' nor 'ridge', or another skin.
+            DermisError: `kind` is unknown, or the surrogate was made for another skin.
         """
         if kind not in ("network", "ridge"):
             raise DermisError("unknown surrogate", where="thimble", value=kind, limit="network, ridge")
@@ -53,10 +56,16 @@ _WORDS = {"schema": "version of the product", "pressed_on": "kind of skin contac
 
 
 def check_made_for(meta: Mapping[str, Any], name: str, wanted: Any, where: str) -> None:
-    """Refuse a surrogate of another skin, device or friction than the one it is wanted for.
+    """Check one property of a surrogate's metadata, such as its skin.
+
+    Args:
+        meta: metadata of the surrogate.
+        name: name of the property.
+        wanted: value that the property must have.
+        where: name of the surrogate, for errors.
 
     Raises:
-        DermisError: its `meta` says another `name`.
+        DermisError: the property has another value.
     """
     if meta.get(name) != wanted:
         raise DermisError(

@@ -1,6 +1,6 @@
 """Executors of jobs by name, and their futures, which report progress and can be cancelled.
 
-They extend the standard library's `concurrent.futures`: `wait`, `as_completed` and callbacks work as usual. An
+They extend the standard library's `concurrent.futures`: `wait`, `as_completed`, callbacks and `map` work as usual. An
 executor of another kind, such as one on other machines, inherits from `JobExecutor`.
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import DermisError
 from .jobs import JOBS, Arrays, Job, Table
 
-POLL_SECONDS = 0.02  # [s] longest interval between two values of `JobFuture.follow`
+POLL_SECONDS = 0.02  # [s] longest interval between two values of `JobFuture.follow` and of similar generators
 
 
 class JobFuture(Future[dict[str, NDArray[Any]]]):

@@ -1,4 +1,4 @@
-"""Axes: a rectangle on a canvas in which values have places, with round numbers along both sides."""
+"""Axes of a chart: a rectangle on a canvas with two scales, and curves, grids and legends in it."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from .canvas import Canvas
 
 INK, FAINT, GRID, PAPER, FRAME = "#20262e", "#6b7480", "#e4e7eb", "#ffffff", "#b9c0c8"
 LIMIT, TOUCH = "#c8503c", "#fdebc8"
-SMALL = 7.5  # height of a capital in all but titles [points]
-MAX_POINTS = 4000  # of a curve; beyond, each step keeps its first, least, greatest and last value
+SMALL = 7.5  # [points] height of a capital letter in all texts but titles
+MAX_POINTS = 4000  # largest number of points of a curve; a longer one is thinned, see `thinned`
 
 
 class Axes:
     """Two axes of a chart.
 
     Args:
-        canvas: to draw on.
-        box: left, top, width, height [points].
-        xlim, ylim: values at the left and right end, and at the bottom and top.
+        canvas: canvas on which the axes are drawn.
+        box: left, top, width and height of the rectangle [points].
+        xlim, ylim: values at the left and right edge, and at the bottom and top edge.
     """
 
     def __init__(
@@ -35,22 +35,22 @@ class Axes:
         self.right, self.bottom = self.left + self.width, self.top + self.height
 
     def x(self, values: ArrayLike) -> Array:
-        """Return where values lie across [points]."""
+        """Return the horizontal positions of values on the canvas [points]."""
         low, high = self.xlim
         return self.left + self.width * (np.asarray(values, dtype=np.float64) - low) / (high - low)
 
     def y(self, values: ArrayLike) -> Array:
-        """Return where values lie down the canvas [points]."""
+        """Return the vertical positions of values on the canvas, downwards [points]."""
         low, high = self.ylim
         return self.top + self.height * (high - np.asarray(values, dtype=np.float64)) / (high - low)
 
     def band(self, first: float, last: float) -> None:
-        """Shade from one x to another; before `grid`, which lies over it."""
+        """Shade the interval between two values of x; to be called before `grid`, which is drawn on top."""
         left, right = self.x([first, last]).tolist()
         self.canvas.rectangle(left, self.top, right - left, self.height, TOUCH)
 
     def bands(self, times: Array, contact: Array) -> None:
-        """Shade where contact is above one half, from each sample half way to its neighbours."""
+        """Shade the intervals in which contact is above one half; each sample extends half-way to its neighbours."""
         edges = np.r_[times[:1], (times[1:] + times[:-1]) / 2, times[-1:]]
         for part in runs(np.asarray(contact) > 0.5):
             self.band(float(edges[part.start]), float(edges[part.stop]))
@@ -61,9 +61,10 @@ class Axes:
         """Draw lines and numbers at round values, the frame, and the names of the axes.
 
         Args:
-            most: largest number of labelled steps across and up.
-            factor: divisor of y for its labels.
-            colour: colour of the label `up`.
+            across, up: names of the horizontal and the vertical axis.
+            most: largest numbers of steps between labels, horizontally and vertically.
+            factor: divisor of y for the labels.
+            colour: colour of the name `up`.
         """
         draw = self.canvas
         marks = ticks(*self.xlim, most[0])
@@ -83,13 +84,16 @@ class Axes:
         draw.text((self.left + self.right) / 2, self.bottom + 29, across, SMALL, FAINT, "middle")
 
     def level(self, value: float) -> None:
-        """Draw a dashed line at a y, where it lies inside."""
+        """Draw a dashed line at a value of y, if the value lies between the limits of y."""
         if self.ylim[0] <= value <= self.ylim[1]:
             y = float(self.y(value))
             self.canvas.line(self.left, y, self.right, y, LIMIT, 1.0, 4.0)
 
     def between(self, x: Array, low: Array, high: Array, colour: str) -> None:
-        """Fill between two curves over rising x, a strip a point wide each; before the curve that lies in it."""
+        """Fill the area between two curves over rising x with strips about one point wide.
+
+        It is to be called before a curve in the area is drawn.
+        """
         if len(x) < 2:
             return
         every = np.unique(np.concatenate([x, np.linspace(x[0], x[-1], max(int(np.ptp(self.x(x[[0, -1]]))), 2))]))
@@ -102,7 +106,10 @@ class Axes:
                 self.canvas.rectangle(float(across[a]), top, float(across[b] - across[a]), bottom - top, colour)
 
     def curve(self, x: Array, y: Array, colour: str, width: float = 1.3) -> None:
-        """Draw y over rising x, with a gap where it is not finite and a mark for a sample between gaps."""
+        """Draw y over rising x.
+
+        The curve has a gap where y is not finite. A single sample between two gaps is drawn as a dot.
+        """
         for part in runs(np.isfinite(y)):
             across, down = thinned(self.x(x[part]), self.y(y[part]), MAX_POINTS)
             if len(across) == 1:
@@ -112,7 +119,16 @@ class Axes:
 
 
 def legend(canvas: Canvas, x: float, y: float, entries: list[tuple[str, str]]) -> float:
-    """Write names beside patches of their colours on a base line from x on; return where the next would begin."""
+    """Draw a legend: names beside patches of their colours.
+
+    Args:
+        canvas: canvas on which the legend is drawn.
+        x, y: left end of the base line [points].
+        entries: name and colour of each entry.
+
+    Returns:
+        Horizontal position at which a further entry would begin [points].
+    """
     for name, colour in entries:
         canvas.rectangle(x, y - 7, 12, 7, colour)
         canvas.text(x + 16, y, name, SMALL, FAINT)
@@ -121,7 +137,7 @@ def legend(canvas: Canvas, x: float, y: float, entries: list[tuple[str, str]]) -
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
-    """Return round values (1, 2 or 5 times a power of ten apart) from low to high, at most `most` + 1 of them."""
+    """Return round values from low to high, at most `most` + 1; their distance is 1, 2 or 5 times a power of ten."""
     raw = (high - low) / most
     power = 10.0 ** np.floor(np.log10(raw))
     step = next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= raw * (1 - 1e-9))
@@ -130,7 +146,7 @@ def ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def label(value: float, marks: list[float]) -> str:
-    """Write a number beside its mark, with as many decimals as the distance of the marks asks for."""
+    """Return the label of a value, with as many decimals as the distance of the marks requires."""
     step = min((b - a for a, b in zip(marks, marks[1:], strict=False)), default=1.0)
     decimals = max(0, int(-np.floor(np.log10(step) + 1e-9)))
     if decimals > 6 or abs(value) >= 1e6:
@@ -139,7 +155,10 @@ def label(value: float, marks: list[float]) -> str:
 
 
 def thinned(x: Array, y: Array, most: int) -> tuple[Array, Array]:
-    """Return at most about `most` points that look like all: each step's first, least, greatest and last."""
+    """Return about `most` points of a curve that look like all of them.
+
+    The curve is divided into sections. Of each section the first, the least, the greatest and the last point are kept.
+    """
     if len(x) <= most:
         return x, y
     starts = np.unique(np.linspace(0, len(x), most // 4 + 1).astype(int)[:-1])
@@ -152,6 +171,6 @@ def thinned(x: Array, y: Array, most: int) -> tuple[Array, Array]:
 
 
 def runs(mask: NDArray[np.bool_]) -> list[slice]:
-    """Return where a mask is true, as slices."""
+    """Return the intervals in which a mask is true, as slices."""
     edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(np.int8)))
     return [slice(a, b) for a, b in edges.reshape(-1, 2).tolist()]

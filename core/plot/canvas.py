@@ -1,4 +1,4 @@
-"""Two things to draw on, with the same few strokes: an SVG text, and pixels that Pillow draws and saves as PNG."""
+"""Canvases for plots: one writes SVG, one draws pixels with Pillow and saves them as PNG."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 Anchor = Literal["start", "middle", "end"]
 Colour = str  # '#rrggbb'
 
-FINE = 4  # times as fine as the pixels: what round shapes and slanting lines are drawn in
-FONT_SIZE = 1.37  # over the height of a capital
-_PLAIN = str.maketrans({"µ": "u", "μ": "u", "²": "^2", "–": "-"})  # what Pillow's own font lacks
+FINE = 4  # oversampling factor for round shapes and slanting lines
+FONT_SIZE = 1.37  # font size divided by the height of a capital letter
+_PLAIN = str.maketrans({"µ": "u", "μ": "u", "²": "^2", "–": "-"})  # characters that Pillow's own font lacks
 
 
 class Canvas(Protocol):
-    """Canvas of a plot. Lengths in points, y down."""
+    """Interface of a canvas. Lengths are in points, and y points downwards."""
 
     def rectangle(self, x: float, y: float, width: float, height: float, fill: Colour) -> None:
         """Fill a rectangle."""
@@ -37,14 +37,14 @@ class Canvas(Protocol):
         """Draw a horizontal or vertical line, dashed on request."""
 
     def path(self, x: Array, y: Array, colour: Colour, width: float) -> None:
-        """Draw a line through points that may go anywhere."""
+        """Draw a polyline through points."""
 
     def text(self, x: float, y: float, text: str, size: float, colour: Colour, anchor: Anchor = "start") -> None:
-        """Write a text with its base line at y; `size` is the height of a capital."""
+        """Write a text with its base line at y; `size` is the height of a capital letter."""
 
 
 class SvgCanvas:
-    """Draws as SVG, with three decimals, so that equal plots are equal texts."""
+    """Canvas that writes SVG, with three decimals, so that equal plots give equal texts."""
 
     def __init__(self, width: float, height: float) -> None:
         self._parts = [
@@ -69,7 +69,7 @@ class SvgCanvas:
         )
 
     def path(self, x: Array, y: Array, colour: Colour, width: float) -> None:
-        """Draw a line through points that may go anywhere."""
+        """Draw a polyline through points."""
         points = " ".join(f"{_n(a)},{_n(b)}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
         self._parts.append(
             f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="{_n(width)}" '
@@ -89,11 +89,13 @@ class SvgCanvas:
 
 
 class PngCanvas:
-    """Draws into pixels: straight edges on whole ones, all others smoothed.
+    """Canvas of pixels.
+
+    Horizontal and vertical edges lie on whole pixels; all other edges are smoothed.
 
     Args:
-        width, height: [points].
-        scale: pixels a point.
+        width, height: size of the canvas [points].
+        scale: pixels per point.
     """
 
     def __init__(self, width: float, height: float, scale: float = 2.0) -> None:
@@ -103,7 +105,7 @@ class PngCanvas:
         self._image = Image.new("RGB", (round(width * scale), round(height * scale)), "#ffffff")
 
     def rectangle(self, x: float, y: float, width: float, height: float, fill: Colour) -> None:
-        """Fill a rectangle, one pixel at least."""
+        """Fill a rectangle that is at least one pixel wide and high."""
         left, top, right, bottom = (int(np.floor(v * self._scale + 0.5)) for v in (x, y, x + width, y + height))
         self._image.paste(fill, (left, top, max(right, left + 1), max(bottom, top + 1)))
 
@@ -128,7 +130,7 @@ class PngCanvas:
                 self.rectangle(x0 - width / 2, min(y0, y1) + start, width, part, colour)
 
     def path(self, x: Array, y: Array, colour: Colour, width: float) -> None:
-        """Draw a line through points that may go anywhere."""
+        """Draw a polyline through points."""
         wide = max(round(width * self._scale * FINE), 1)
 
         def stroke(draw: Any, points: Array) -> None:
@@ -145,13 +147,20 @@ class PngCanvas:
         ImageDraw.Draw(self._image).text(at, _plain(text), fill=colour, font=font, anchor=where)
 
     def to_bytes(self) -> bytes:
-        """Return the file: 8 bits a colour, no date in it."""
+        """Return the PNG file, with 8 bits per colour and without a date."""
         out = io.BytesIO()
         self._image.save(out, "PNG")
         return out.getvalue()
 
     def _smooth(self, points: Array, margin: float, colour: Colour, stroke: Callable[[Any, Array], None]) -> None:
-        """Let `stroke` draw on a mask around points, `FINE` times as large, and lay a colour through it."""
+        """Draw a smooth shape: `stroke` draws it on an oversampled mask, through which the colour is applied.
+
+        Args:
+            points: points of the shape [points].
+            margin: distance by which the shape extends beyond these points [points].
+            colour: colour of the shape.
+            stroke: function that draws the shape, from a drawing object and the points in its pixels.
+        """
         from PIL import Image, ImageDraw
 
         points, reach, size = points * self._scale, margin * self._scale + 1.0, np.array(self._image.size)
@@ -177,7 +186,10 @@ def _printable(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Return a text in the letters that Pillow's font has: accents are dropped; missing letters show as a box."""
+    """Return a text in characters that Pillow's font has.
+
+    Accents are dropped. Other missing characters are kept and appear as boxes.
+    """
     return "".join(unicodedata.normalize("NFKD", c)[0] for c in _printable(text).translate(_PLAIN))
 
 

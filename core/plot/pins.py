@@ -1,7 +1,8 @@
-"""The picture of a pin array's track: maps of the pins at six moments over the total force and the hardest pin.
+"""Picture of a pin array's track: maps of the pins at six moments, above curves of two forces.
 
-A map shows the array as its wearer would see it through the nail: rows along the finger with the tip up, columns from
-left to right, each pin a disc whose area and colour follow its force.
+The curves are the total force and the force of the hardest pressing pin. A map shows the array as its wearer would see
+it through the nail. Rows run along the finger with the tip up, columns from left to right. Each pin is a disc whose
+area and colour show its force.
 """
 
 from __future__ import annotations
@@ -30,8 +31,11 @@ def draw(
     """Draw maps and curves, `HEIGHT` points high.
 
     Args:
-        contact: where it is above one half the finger touches, shape (n,).
-        place: left, top, width [points]. span: first and last time [s].
+        track: track of a pin array.
+        contact: contact signal; the finger touches if it is above one half, shape (n,). None for no shading.
+        canvas: canvas on which the picture is drawn.
+        place: left, top and width [points].
+        span: first and last time [s].
     """
     left, top, width = place
     limit = max((c.high for c in track.spec.channels if c.high is not None), default=0.0)
@@ -64,7 +68,7 @@ def pin_map(
 
     Args:
         forces: forces of the pins [N], row by row along the finger, shape (pins,).
-        high: the force of a full disc [N].
+        high: force that is shown by the largest disc [N].
     """
     rows, columns = (int(spec.parameters.get(name, 0)) for name in ("rows", "columns"))
     if rows * columns != len(forces):

@@ -1,4 +1,4 @@
-"""The three-component stimulus plot as a picture: three views of the cloud, with the touch's lines in them."""
+"""Picture of stimuli in three components: three views of a cloud of dots and of lines."""
 
 from __future__ import annotations
 
@@ -27,16 +27,17 @@ def draw(
     """Draw the whole picture, `WIDTH` by `HEIGHT` points.
 
     Args:
-        cloud: dots in three components, shape (n, 3).
-        configuration: configuration of each dot, -1 to 1, which sets its colour, shape (n, 3).
-        lines: by name, such as 'target', 'predicted' or 'measured', in three components, shape (k, 3) each.
+        cloud: stimuli that are drawn as dots, in three components, shape (n, 3).
+        configuration: configuration of each dot, from -1 to 1, which sets its colour, shape (n, 3).
+        lines: stimuli that are drawn as lines, in three components, shape (k, 3) each, by name, such as 'target',
+            'predicted' or 'measured'.
     """
     canvas.rectangle(0, 0, WIDTH, HEIGHT, PAPER)
     canvas.text(LEFT, 24, title[:88], 11.0, INK)
     canvas.text(LEFT, 42, words[:120], SMALL, FAINT)
     every = np.concatenate([cloud, *lines.values()])
     low, high = every.min(axis=0), every.max(axis=0)
-    half = 0.53 * float((high - low).max()) or 0.5  # one scale for all: distances can be compared
+    half = 0.53 * float((high - low).max()) or 0.5  # one scale for all components, so that distances can be compared
     limits = [(m - half, m + half) for m in (0.5 * (low + high)).tolist()]
     tints = _tints(configuration)
     for k, (i, j) in enumerate(VIEWS):

@@ -1,4 +1,4 @@
-"""Pictures of a command track: one panel a channel over time, or maps of pins, as SVG or PNG."""
+"""Pictures of a command track as SVG or PNG: a panel over time for each channel, or maps of pins."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from .canvas import Canvas, PngCanvas, SvgCanvas
 
 WIDTH, LEFT, RIGHT = 920.0, 76.0, 24.0  # [points]
 TOP, PANEL, GAP = 74.0, 92.0, 52.0
-DOUBTED = "#f0b9a8"  # the band of a spread
+DOUBTED = "#f0b9a8"  # colour of the band of a spread
 LINES = ("#1f6fb2", "#12876f", "#8a4fb0", "#b0661a", "#4c5fc4", "#a33a6a")
 
-# Which steps of thousand a unit may be shown in; others are shown as they are.
+# Prefixes of the units in `_SCALED`, which are shown in steps of a thousand; other units are shown as they are.
 _PREFIXES = ((1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"))
 _SCALED = ("m", "m/s", "N", "Pa", "V", "Hz", "s", "N*m")
 
@@ -31,8 +31,10 @@ def write_svg(
     """Write a track's plot as SVG.
 
     Args:
-        contact: where it is above one half the finger touches, which is shaded; shape (n,).
-        alike: other tracks of the same device, whose plots shall have the same units and scales.
+        track: the track.
+        path: path of the file.
+        contact: contact signal, shape (n,); the intervals in which it is above one half are shaded.
+        alike: other tracks of the same device, whose plots are to have the same units and scales.
 
     Raises:
         DermisError: the file cannot be written.
@@ -50,7 +52,7 @@ def write_png(
     alike: Sequence[CommandTrack] = (),
     scale: float = 2.0,
 ) -> None:
-    """Write a track's plot as PNG, `scale` pixels a point; arguments as in `write_svg`.
+    """Write a track's plot as PNG with `scale` pixels per point; other arguments as in `write_svg`.
 
     Raises:
         DermisError: the file cannot be written.
@@ -69,7 +71,7 @@ def png(
     """Return a track's plot as the bytes of a PNG file; arguments as in `write_png`.
 
     Args:
-        spread: half the width of a band about each curve, shape (n, channels); maps of pins have none.
+        spread: half the width of a band about each curve, shape (n, channels). It is not drawn for maps of pins.
     """
     canvas = PngCanvas(WIDTH, _height(track), scale)
     _picture(track, contact, canvas, alike, spread)
@@ -81,7 +83,7 @@ def _height(track: CommandTrack) -> float:
 
 
 def _is_pins(track: CommandTrack) -> bool:
-    return track.spec.kind == "pin_array"  # too many channels for a panel each
+    return track.spec.kind == "pin_array"  # it has too many channels to give each a panel
 
 
 def _picture(
@@ -138,12 +140,12 @@ def _heading(track: CommandTrack, shaded: bool, doubted: bool, canvas: Canvas) -
 
 
 def _likeness(channel: Channel) -> tuple[str, str]:
-    """Return the unit, and the common name before axis or number, of channels that share a scale."""
+    """Return the key of the channels that share a scale: unit, and name without the last part."""
     return channel.unit, channel.name.rpartition("_")[0] or channel.name
 
 
 def _range(channel: Channel, values: Array) -> tuple[float, float]:
-    """Choose the curves of a panel: the values and, where they come near, the limits."""
+    """Return the range of a panel: that of the values and, if the values come near a limit, of the limit."""
     low, high = (float(values.min()), float(values.max())) if len(values) else (channel.rest, channel.rest)
     low, high = min(low, channel.rest), max(high, channel.rest)
     for limit in (channel.low, channel.high):
@@ -157,7 +159,7 @@ def _range(channel: Channel, values: Array) -> tuple[float, float]:
 
 
 def _shown_unit(unit: str, largest: float) -> tuple[float, str]:
-    """Return the factor and name of the unit in which a number reads well."""
+    """Return size and name of the unit with the prefix that suits the largest value."""
     if unit == "1":
         return 1.0, ""
     if unit in _SCALED:

@@ -30,7 +30,8 @@ def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
     spaces, ridge = made.descriptors, made.ridge
     stress, trial, friction = spaces.stress, spaces.trial, spaces.friction
     k, t, q = (len(np.atleast_1d(space.basis)) for space in (stress, trial, friction))
-    p, any_size, places3 = freedoms + t + q, stress.mean.size, trial.mean.size  # points, not pad nodes
+    # Trial and friction forces act on the pressed points, which need not be the pad nodes, so `size` is not theirs.
+    p, any_size, places3 = freedoms + t + q, stress.mean.size, trial.mean.size
     wanted: dict[str, tuple[Array, tuple[int, ...]]] = {
         "stress_mean": (stress.mean, (any_size,)),
         "stress_basis": (stress.basis, (k, any_size)),

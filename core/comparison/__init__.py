@@ -1,1 +1,1 @@
-"""Comparisons: one touch by all devices, touches with each other, and commands with earlier ones."""
+"""Comparisons of devices, of touches with each other, and of engines."""

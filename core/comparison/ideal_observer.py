@@ -31,7 +31,10 @@ class Answer:
 
     @property
     def right(self) -> float:
-        """Share of right answers of an unbiased observer who knows the real touches; 0.5 for guessing."""
+        """Share of right answers of an observer who knows the real touches.
+
+        The observer is unbiased; the share is 0.5 for guessing.
+        """
         return 0.5 * (1.0 + math.erf(self.as_real / math.sqrt(8.0)))
 
 
@@ -54,7 +57,9 @@ def told(first: Array, second: Array, noise: float, real: tuple[Array, Array] | 
 
 
 def _along(direction: Array, first: Array, second: Array, noise: float) -> float:
-    """Return d' along a direction: the distance of the means, divided by the standard deviation.
+    """Return d' along a direction.
+
+    It is the distance of the means, divided by the standard deviation.
 
     The variance is that of the noise plus that of the repetitions.
     """

@@ -1,4 +1,7 @@
-"""Comparisons as jobs for a child process: a scene's file goes in, tables and the page come out."""
+"""Comparisons as jobs for a child process.
+
+A scene's file is the input; tables and the page are the results.
+"""
 
 from __future__ import annotations
 

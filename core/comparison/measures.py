@@ -128,7 +128,10 @@ def _tactor(output: Output) -> Judged | None:
 
 
 def _coil(output: Output) -> Judged | None:
-    """Judge a voice coil by its voltage: as limited in the track against as needed for the requested vibration."""
+    """Judge a voice coil by its voltage.
+
+    The voltage of the track, within its limits, is compared with the voltage that the requested vibration needs.
+    """
     track, coil = output.track, VoiceCoil.of(output.track.spec)
     target = track.column(DISPLACEMENT)
     if not target.any():
@@ -185,7 +188,10 @@ def _pressing(output: Output, skin: SkinContact, parameters: Mapping[str, Any]) 
 
 
 def _looked_at(skin: SkinContact) -> NDArray[np.intp]:
-    """Return up to `MOST` equally spaced samples of the touch, and the sample of the largest normal force."""
+    """Return the samples at which a touch is judged.
+
+    They are up to `MOST` equally spaced samples, and the sample of the largest normal force.
+    """
     touched = skin.contact
     chosen = touched[np.unique(np.linspace(0, len(touched) - 1, min(MOST, len(touched))).round().astype(int))]
     return np.union1d(chosen, touched[skin.normal_force[touched].argmax()])

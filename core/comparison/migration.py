@@ -94,7 +94,10 @@ class Migration:
         return len(np.unique(frames[far])), len(np.unique(frames))
 
     def finding(self, allowed: float) -> Finding | None:
-        """Return a warning if a command changed by more than an allowed share of its range, else None."""
+        """Return a warning if a command changed too much, else None.
+
+        The limit `allowed` is a share of the channel's range.
+        """
         c = int(self.share.argmax())
         if not self.share[c] > allowed:
             return None
@@ -243,7 +246,10 @@ def table(found: Iterable[Migration]) -> str:
 
 
 def text(found: Iterable[Migration]) -> str:
-    """Return all commands that changed by more than the share `CHANGED` of their range, as CSV."""
+    """Return all changed commands as CSV.
+
+    A command counts as changed if it differs by more than the share `CHANGED` of its range.
+    """
     out = io.StringIO()
     out.write(f"# dermis-migration 1\n# now: {made_by()}\n")
     write = csv.writer(out, lineterminator="\n").writerow

@@ -76,7 +76,10 @@ def _gaps(times: Array) -> NDArray[np.intp]:
 
 
 def _pads(canvas: Canvas, pad: PadMap, left: float) -> None:
-    """Draw the target and the rendered pressure on the pad, seen through the nail with the tip up."""
+    """Draw the target and the rendered pressure on the pad.
+
+    The pad is seen through the nail, with the tip up.
+    """
     low, high = pad.nodes.min(axis=0), pad.nodes.max(axis=0)
     zoom = min(MAP / max(high[0] - low[0], 1e-9), 2.2 * MAP / max(high[1] - low[1], 1e-9))
     dot = 0.45 * zoom * np.sqrt(float(np.prod(high - low)) / len(pad.nodes))

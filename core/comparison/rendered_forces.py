@@ -1,4 +1,7 @@
-"""Forces of a device on the pad nodes, from its track, for all kinds of devices that press on skin."""
+"""Forces of a device on the pad nodes, from its track.
+
+The functions serve all kinds of devices that press on skin.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,10 @@ from ..track.command_track import CommandTrack
 def rendered_forces(
     track: CommandTrack, skin: SkinContact, samples: NDArray[np.intp], parameters: Mapping[str, Any]
 ) -> Array:
-    """Return the forces on the pad nodes while a track is played [N], shape (k, m, 3); see `rendered_touches`."""
+    """Return the forces on the pad nodes while a track is played.
+
+    The forces [N] have the shape (k, m, 3); see `rendered_touches`.
+    """
     return rendered_touches(track, skin, samples, parameters)[0]
 
 

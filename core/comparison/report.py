@@ -1,4 +1,4 @@
-"""Reports of a comparison: text, CSV, plain JSON values, and an HTML page with its pictures."""
+"""Reports of a comparison: text, CSV, JSON values and an HTML page."""
 
 from __future__ import annotations
 

@@ -261,7 +261,9 @@ def _middle(values: Array, known: NDArray[np.bool_]) -> Array:
 
 
 def _bent(bends: Array, known: NDArray[np.bool_]) -> Array:
-    """Return the chord's midpoint minus the curve's, between neighbours, shape (count, n - 1, k).
+    """Return the chord's midpoint minus the curve's, between neighbours.
+
+    The result has the shape (count, n - 1, k).
 
     The curve is a parabola. Its second difference is the mean of the second differences at both neighbours if they
     agree, and smaller if they differ. It is 0 if one of them is 0 or unknown, or if their scalar product is not

@@ -1,4 +1,7 @@
-"""Reports of which touches can be told apart: text, CSV and plain JSON values."""
+"""Reports of which touches can be told apart.
+
+They are text, CSV and plain JSON values.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,10 @@ REAL = "the real touches"
 
 
 def lines(found: Told) -> list[tuple[str, ...]]:
-    """Return the table as text: a heading, the real touches, then the devices; one column for each pair."""
+    """Return the table as text.
+
+    It has a heading, a row for the real touches, and a row for each device and method; one column for each pair.
+    """
     heads = tuple(f"{i + 1} or {j + 1}" for i, j in found.pairs)
     rows = [("device", "method", *heads), (REAL, "", *map(_words, found.real))]
     rows += [(row.title, row.method, *map(_words, row.answers)) for row in found.rows]

@@ -192,7 +192,10 @@ def _band_of_skin(own: Bake, finger: str, found: Mapping[str, Bake], times: Arra
 
 
 def _spread(values: Array, others: Mapping[str, Array]) -> tuple[Array, tuple[str, ...]]:
-    """Return the largest change of each value, and for each channel the variant that causes the largest change."""
+    """Return the largest change of each value.
+
+    The second result is, for each channel, the variant that causes the largest change.
+    """
     changes = []
     for other in others.values():
         count = min(len(other), len(values))

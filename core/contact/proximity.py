@@ -91,7 +91,10 @@ class Proximity:
         self._apart: tuple[Mapping[int, RelativePoses], Array] | None = None
 
     def grouped(self, values: Array) -> Array:
-        """Return the largest value of each group of points, shape (g,), from the points' values, shape (m,)."""
+        """Return the largest value of each group of points, shape (g,).
+
+        The values of the points have the shape (m,).
+        """
         return np.asarray(np.maximum.reduceat(values.take(self._order), self._starts))
 
     def within(self, poses: Mapping[int, RelativePoses], boxes: Mapping[int, Array], i: int, reach: Array) -> set[int]:
@@ -109,7 +112,9 @@ class Proximity:
         return {b for b, some in zip(poses, touched.tolist(), strict=True) if some}
 
     def _boxes_apart(self, poses: Sequence[RelativePoses], boxes: Sequence[Array]) -> Array:
-        """Return a lower bound of the distance between each group and each body's box [m], shape (B, n, g).
+        """Return lower bounds of the distances between groups and boxes.
+
+        The bounds [m] have the shape (B, n, g), for bodies, samples and groups.
 
         A group is replaced by its bounding box in the finger's axes. Along each face normal of the body's box, the
         distance between the two boxes is a lower bound; the largest of these is returned. It is negative where the
@@ -157,7 +162,9 @@ class Proximity:
         return known.gaps - far
 
     def measure(self, b: int, i: int, poses: Mapping[int, RelativePoses], mesh: Mesh, body: ContactBody) -> Array:
-        """Measure the groups' gaps to body `b` and return lower bounds [m], exact below `FAR`, shape (g,).
+        """Measure the groups' gaps to body `b` and return lower bounds.
+
+        The bounds [m] have the shape (g,), and are exact below `FAR`.
 
         The bounds are kept for `gaps`.
 
@@ -183,7 +190,9 @@ class Proximity:
         return node_gaps(points, [body], search_radius, self._bone).gap
 
     def _travel(self, bodies: list[int]) -> dict[int, Array]:
-        """Return upper bounds of each body's movement since its gaps were measured [m], shape (n,) each.
+        """Return upper bounds of each body's movement since its measurement.
+
+        The bounds [m] have the shape (n,) for each body.
 
         The movement is the largest of any point of the body, seen from the finger, at each sample of the chunk.
         """
@@ -235,7 +244,9 @@ def _sphere(points: Array) -> tuple[Array, float]:
 
 
 def _groups(points: Array) -> list[Indices]:
-    """Divide points into `GROUPS` groups or more, by halving each along the longest side of its bounding box.
+    """Divide points into `GROUPS` groups or more.
+
+    Each group is halved along the longest side of its bounding box.
 
     Returns:
         Indices of each group's points; fewer groups if there are fewer points.

@@ -33,7 +33,9 @@ LOW_RANK = 0.9  # share of the variance that the reduced motors must explain for
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """Number of motors that a set of touches needs on a device, with all figures behind it.
+    """Number of motors that a set of touches needs on a device.
+
+    It includes the figures from which the number follows.
 
     Attributes:
         spec: the original device.
@@ -92,7 +94,10 @@ class Design:
         return None if self.poor else self.joint.motors(rule)
 
     def low_rank(self, rule: Rule = "touch") -> bool:
-        """Return whether fewer motors than the device has are enough and explain at least `LOW_RANK`."""
+        """Return whether fewer motors are enough and explain the movement.
+
+        They must explain at least the share `LOW_RANK` of the variance.
+        """
         parts, motors = self.joint.components, self.joint.motors(rule)
         return motors < len(parts.mean) and float(parts.explained[:motors].sum()) >= LOW_RANK
 

@@ -115,14 +115,19 @@ def write_preset(made: Mapping[str, Any], path: Path) -> None:
 
 
 def safe_commands(spec: DeviceSpec) -> Array | None:
-    """Return the safe pose of a device's motors in SI units, shape (motors,); None if the preset states none."""
+    """Return the safe pose of a device's motors in SI units.
+
+    The shape is (motors,). The result is None if the preset states no safe pose.
+    """
     values = safe_state(spec).values
     names = [c.name for c in spec.channels]
     return np.array([values[n] for n in names]) if set(names) <= set(values) else None
 
 
 def coupled_safe(made: DeviceSpec, original: DeviceSpec, commands: Array) -> dict[str, Any] | None:
-    """Return `safe` of a preset with coupled motors as JSON values; None if they cannot release a finger.
+    """Return `safe` of a preset with coupled motors as JSON values.
+
+    The result is None if the coupled motors cannot release a finger.
 
     Args:
         made: the device with coupled motors.

@@ -264,7 +264,10 @@ def _sensor(table: SkinTable, recording: Recording) -> list[Finding]:
 
 
 def _slow(recording: Recording) -> list[Finding]:
-    """Report a recording whose samples are so far apart that a touch can lie between two of them."""
+    """Report a recording with long intervals between its samples.
+
+    A touch can lie between two samples of such a recording.
+    """
     apart = float(np.median(np.diff(recording.times)))
     if apart <= SLOWEST:
         return []
@@ -274,7 +277,10 @@ def _slow(recording: Recording) -> list[Finding]:
 
 
 def _left(recording: Recording, off: Array, error: float, touch: float) -> list[Finding]:
-    """Report a touch that the table does not reach, and the channel and sample with the largest error."""
+    """Report a touch that the table does not reach.
+
+    The finding names the channel and the sample with the largest error.
+    """
     if error <= BOUNDS * touch:
         return []
     poor = error > POOR * touch

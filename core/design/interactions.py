@@ -1,4 +1,6 @@
-"""The six interactions of [S2] as scenes: a flat metal surface, moved by hand, touches the finger three times.
+"""The six interactions of [S2] as scenes.
+
+A flat metal surface, moved by hand, touches the finger three times.
 
 Noise, wobble and the rule 'paper' were fixed and committed before any result was computed. The rule 'touch' was found
 with seeds 0 to 2 and committed before any other seed was judged by it. Nothing has been tuned since.
@@ -166,7 +168,10 @@ def _eased(knots: Array, values: Array, times: Array) -> Array:
 
 
 def _wobble(rng: np.random.Generator, times: Array, bandwidth: float, count: int) -> Array:
-    """Return smooth random series of unit variance and limited bandwidth [Hz], shape (n, count)."""
+    """Return smooth random series of unit variance, shape (n, count).
+
+    Their power ends at the frequency `bandwidth` [Hz].
+    """
     duration = max(float(times[-1] - times[0]), 1.0 / bandwidth)
     waves = max(int(round(bandwidth * duration)), 1)
     phases, weights = rng.uniform(0.0, 2.0 * np.pi, (waves, count)), rng.standard_normal((waves, count))

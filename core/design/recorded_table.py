@@ -143,7 +143,9 @@ def rest_finding(table: SkinTable) -> tuple[Finding, ...]:
 
 
 def _smallest(readings: Array) -> NDArray[Any]:
-    """Return readings as 16-bit integers if they are whole counts of this range, else unchanged.
+    """Return readings as 16-bit integers if possible, else unchanged.
+
+    It is possible for whole counts in this range. Tables of 16-bit integers are smaller and faster.
 
     Tables of 16-bit integers are smaller and faster.
     """

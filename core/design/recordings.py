@@ -182,7 +182,10 @@ def _gaps(times: Array, rows: Rows) -> None:
 
 
 def _units(readings: Array, rows: Rows) -> None:
-    """Refuse a recording whose unit changes, which multiplies all channels by one factor at once."""
+    """Refuse a recording whose unit changes.
+
+    A change of unit multiplies all channels by one factor at once.
+    """
     if readings.shape[1] < MANY:
         return
     before, after = readings[:-1], readings[1:]

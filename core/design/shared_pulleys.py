@@ -1,4 +1,6 @@
-"""Shared pulleys: original motors that all new motors move nearly alike, and the cost of one pulley.
+"""Shared pulleys: original motors that move nearly alike.
+
+One pulley may drive original motors that all new motors move nearly alike. This costs little.
 
 Source: [S2] VI ('finding subsets of the coefficients that are similar, and coupling the corresponding cables')
 """
@@ -39,7 +41,9 @@ class SharedPulleys:
 
 
 def alike(directions: Array, share: float = ALIKE) -> tuple[tuple[int, ...], ...]:
-    """Return groups of motors whose coefficients differ by at most a share of the largest, in every component.
+    """Return groups of motors with similar coefficients.
+
+    In every component they differ by at most a share of the largest coefficient.
 
     Args:
         directions: coefficients of each original motor in each component, shape (n, k).
@@ -58,7 +62,10 @@ def alike(directions: Array, share: float = ALIKE) -> tuple[tuple[int, ...], ...
 
 
 def with_shared(parts: Components, commands: Array, k: int, groups: Sequence[Sequence[int]]) -> Array:
-    """Return the commands restricted to k components with equal coefficients within each group, shape (q, n)."""
+    """Return the commands with equal coefficients within each group.
+
+    The commands are restricted to k components, shape (q, n).
+    """
     e = parts.directions[:, :k].copy()
     for group in groups:
         e[list(group)] = e[list(group)].mean(axis=0)

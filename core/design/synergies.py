@@ -49,7 +49,10 @@ class Components:
 
     @property
     def explained(self) -> Array:
-        """Share of the variance that each component explains, sums to 1, shape (n,). Source: [S2] eq. 6."""
+        """Share of the variance that each component explains, shape (n,).
+
+        The shares sum to 1. Source: [S2] eq. 6.
+        """
         total = float(self.variance.sum())
         return self.variance / total if total > 0 else np.zeros_like(self.variance)
 
@@ -58,7 +61,10 @@ class Components:
         return ((commands - self.mean) / self.scale) @ self.directions[:, :k]
 
     def reconstructed(self, commands: Array, k: int) -> Array:
-        """Return the commands restricted to the first k components, shape (q, n). Source: [S2] eq. 7."""
+        """Return the commands restricted to the first k components.
+
+        The shape is (q, n). Source: [S2] eq. 7.
+        """
         return self.mean + (self.amounts(commands, k) @ self.directions[:, :k].T) * self.scale
 
 
@@ -82,7 +88,7 @@ class Reduction:
     limit: float
 
     def percent(self, rule: Rule = "touch") -> Array:
-        """Return the additional error of k motors, in percent of the rule's reference, shape (i, n).
+        """Return the additional error of k motors in percent, shape (i, n).
 
         The reference of 'touch' is the size of the touch: a more sensitive sensor, and rest before or after the touch,
         change both by the same factor. The reference of 'paper' is the error with all motors, but at least `least`.
@@ -146,12 +152,18 @@ def components(commands: Array, scale: Array) -> Components:
 
 
 def rendering_error(target: Array, rendered: Array) -> float:
-    """Return the root mean square over time of the norm of the difference. Source: [S2] eq. 11."""
+    """Return the root mean square over time of the difference's norm.
+
+    Source: [S2] eq. 11.
+    """
     return float(np.sqrt(((rendered - target) ** 2).sum(axis=1).mean()))
 
 
 def knee(percent: Array, limit: float) -> int:
-    """Return the smallest k whose percentage is below `limit` (a share); the number of motors if none is."""
+    """Return the smallest k whose percentage is below the limit.
+
+    The limit is a share. If no percentage is below it, the number of motors is returned.
+    """
     below = np.flatnonzero(np.asarray(percent) < 100.0 * limit)
     return int(below[0]) + 1 if len(below) else len(percent)
 

@@ -83,7 +83,10 @@ def sense_scene(
 
 
 def sense_touch(touch: SkinContact, *, noise: float = NOISE, seed: int = 0) -> NDArray[np.uint16]:
-    """Return the readings of the virtual sensor for a touch, such as that of a bake, at 100 Hz."""
+    """Return the virtual sensor's readings of a touch at 100 Hz.
+
+    The touch consists of states of a skin, such as those of a bake.
+    """
     sensed = sense(touch, noise, seed)
     if len(touch.times) < 2 or np.abs(np.diff(touch.times) * RATE - 1.0).max() < 1e-6:
         return sensed
@@ -204,7 +207,9 @@ def read_sensed(paths: Sequence[Path], rest: tuple[float, float] | None = None) 
 
 
 def write(found: Design, folder: Path, *, rule: Rule = "touch", motors: int | None = None) -> tuple[Path, ...]:
-    """Write report.txt, report.json, report.png and the new preset into a folder; return their paths.
+    """Write the reports and the new preset; return their paths.
+
+    The files are report.txt, report.json, report.png and the preset.
 
     No preset is written if `motors` is None and an interaction is rendered so poorly that the rule gives no number.
 

@@ -1,4 +1,6 @@
-"""Trial of the design rules: numbers of motors for the six interactions of [S2], with noise and wobble.
+"""Trial of the design rules on the six interactions of [S2].
+
+The interactions are sensed with noise and wobble, and the resulting numbers of motors are compared with those of [S2].
 
 Source: [S2] V; the rule, the noise and the wobble are those fixed in `interactions`
 """
@@ -63,7 +65,10 @@ def sense(touch: SkinContact, noise: float = NOISE, seed: int = 0) -> Counts:
 
 
 def judge(table: SkinTable, sensed: NDArray[Any], name: str, seed: int, limit: float = KNEE) -> Verdict:
-    """Find how many motors one interaction needs, with the principal components of this interaction."""
+    """Find how many motors one interaction needs.
+
+    The principal components are those of this interaction alone.
+    """
     found = reduce(table, [np.asarray(sensed, np.float64)], limit)
     return Verdict(
         name,

@@ -177,7 +177,9 @@ def descend(
 
 
 def response(jacobian: Array, before: Array, target: Array, device: DiscDevice) -> Array:
-    """Predict the change of a configuration for a change of the target, by one Gauss-Newton step.
+    """Predict the change of a configuration for a change of the target.
+
+    The prediction is one Gauss-Newton step.
 
     Args:
         jacobian: derivative of the stimulus at the configuration, shape (k, n).

@@ -47,7 +47,10 @@ class PinLook:
     usable: bool = True
 
     def felt(self, skin: SkinModel, force: Array) -> Stimulus:
-        """Return the stimulus of forces on the pad nodes [N], shape (m, 3); by linear elasticity if not `usable`."""
+        """Return the stimulus of forces on the pad nodes.
+
+        The forces [N] have the shape (m, 3). If not `usable`, the stimulus is that of linear elasticity.
+        """
         return Stimulus(skin, force, None, self.amounts) if self.usable else Stimulus(skin.linear, force)
 
 

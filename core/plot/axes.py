@@ -1,4 +1,4 @@
-"""Axes of a chart: a rectangle on a canvas with two scales, and curves, grids and legends in it."""
+"""Axes of a chart: scales, grids, curves and legends."""
 
 from __future__ import annotations
 
@@ -45,12 +45,18 @@ class Axes:
         return self.top + self.height * (high - np.asarray(values, dtype=np.float64)) / (high - low)
 
     def band(self, first: float, last: float) -> None:
-        """Shade the interval between two values of x; to be called before `grid`, which is drawn on top."""
+        """Shade the interval between two values of x.
+
+        It is to be called before `grid`, which is drawn on top.
+        """
         left, right = self.x([first, last]).tolist()
         self.canvas.rectangle(left, self.top, right - left, self.height, TOUCH)
 
     def bands(self, times: Array, contact: Array) -> None:
-        """Shade the intervals in which contact is above one half; each sample extends half-way to its neighbours."""
+        """Shade the intervals in which contact is above one half.
+
+        Each sample extends half-way to its neighbours.
+        """
         edges = np.r_[times[:1], (times[1:] + times[:-1]) / 2, times[-1:]]
         for part in runs(np.asarray(contact) > 0.5):
             self.band(float(edges[part.start]), float(edges[part.stop]))
@@ -137,7 +143,10 @@ def legend(canvas: Canvas, x: float, y: float, entries: list[tuple[str, str]]) -
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
-    """Return round values from low to high, at most `most` + 1; their distance is 1, 2 or 5 times a power of ten."""
+    """Return round values from low to high, at most `most` + 1.
+
+    The distance of the values is 1, 2 or 5 times a power of ten.
+    """
     raw = (high - low) / most
     power = 10.0 ** np.floor(np.log10(raw))
     step = next(m * power for m in (1.0, 2.0, 5.0, 10.0) if m * power >= raw * (1 - 1e-9))
@@ -146,7 +155,10 @@ def ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def label(value: float, marks: list[float]) -> str:
-    """Return the label of a value, with as many decimals as the distance of the marks requires."""
+    """Return the label of a value.
+
+    It has as many decimals as the distance of the marks requires.
+    """
     step = min((b - a for a, b in zip(marks, marks[1:], strict=False)), default=1.0)
     decimals = max(0, int(-np.floor(np.log10(step) + 1e-9)))
     if decimals > 6 or abs(value) >= 1e6:

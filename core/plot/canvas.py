@@ -1,4 +1,7 @@
-"""Canvases for plots: one writes SVG, one draws pixels with Pillow and saves them as PNG."""
+"""Canvases for plots: SVG, and pixels saved as PNG.
+
+Pillow draws the pixels.
+"""
 
 from __future__ import annotations
 
@@ -153,7 +156,9 @@ class PngCanvas:
         return out.getvalue()
 
     def _smooth(self, points: Array, margin: float, colour: Colour, stroke: Callable[[Any, Array], None]) -> None:
-        """Draw a smooth shape: `stroke` draws it on an oversampled mask, through which the colour is applied.
+        """Draw a smooth shape.
+
+        `stroke` draws the shape on an oversampled mask, through which the colour is applied.
 
         Args:
             points: points of the shape [points].

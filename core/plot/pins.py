@@ -1,4 +1,6 @@
-"""Picture of a pin array's track: maps of the pins at six moments, above curves of two forces.
+"""Picture of a pin array's track: six maps above curves of two forces.
+
+The maps show the pins at six moments.
 
 The curves are the total force and the force of the hardest pressing pin. A map shows the array as its wearer would see
 it through the nail. Rows run along the finger with the tip up, columns from left to right. Each pin is a disc whose

@@ -69,6 +69,9 @@ def write(path: Path, cloud: Array, configuration: Array, lines: Mapping[str, Ar
 
 
 def _tints(configuration: Array) -> list[str]:
-    """Return a light colour for each configuration: red for pitch, green for roll, blue for depth."""
+    """Return a light colour for each configuration.
+
+    Red shows pitch, green roll, and blue depth.
+    """
     levels = np.rint(165 + 62 * configuration).astype(int)
     return ["#{:02x}{:02x}{:02x}".format(*row) for row in levels.tolist()]

@@ -1,4 +1,7 @@
-"""Pictures of a command track as SVG or PNG: a panel over time for each channel, or maps of pins."""
+"""Pictures of a command track as SVG or PNG.
+
+They have a panel over time for each channel, or maps of pins.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +55,9 @@ def write_png(
     alike: Sequence[CommandTrack] = (),
     scale: float = 2.0,
 ) -> None:
-    """Write a track's plot as PNG with `scale` pixels per point; other arguments as in `write_svg`.
+    """Write a track's plot as PNG.
+
+    `scale` is the number of pixels per point; other arguments as in `write_svg`.
 
     Raises:
         DermisError: the file cannot be written.
@@ -145,7 +150,10 @@ def _likeness(channel: Channel) -> tuple[str, str]:
 
 
 def _range(channel: Channel, values: Array) -> tuple[float, float]:
-    """Return the range of a panel: that of the values and, if the values come near a limit, of the limit."""
+    """Return the range of a panel.
+
+    It covers the values and, if the values come near a limit, the limit.
+    """
     low, high = (float(values.min()), float(values.max())) if len(values) else (channel.rest, channel.rest)
     low, high = min(low, channel.rest), max(high, channel.rest)
     for limit in (channel.low, channel.high):

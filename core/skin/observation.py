@@ -110,7 +110,10 @@ def stress_vector(felt: Stimulus) -> Array:
 
 
 def stress_error(target: Stimulus, made: Stimulus) -> float:
-    """Return the relative error of the whole stress of `made` against `target`; 0 if the target has none."""
+    """Return the relative error of the whole stress.
+
+    The stress of `made` is compared with that of `target`. The error is 0 if the target has no stress.
+    """
     if target.skin.follows_law or made.skin.follows_law:
         wanted = stress_vector(target)
         off = stress_vector(made) - wanted

@@ -47,7 +47,10 @@ class StressTable:
         self._reach = NEAR * float(self._sides[surface.chart.base].max())
 
     def unknown(self, cells: Indices) -> list[int]:
-        """Return the cells of level 0 that contain loaded cells and whose tables are not known yet."""
+        """Return the cells of level 0 whose tables are needed but not known.
+
+        These are the cells of level 0 that contain loaded cells.
+        """
         parts, _ = self._surface.chart.tiles.squares(cells)
         roots = np.unique(self._surface.chart.tiles.root[parts])
         return [root for root in roots.tolist() if root not in self._known]
@@ -94,7 +97,10 @@ class StressTable:
     def _refine(
         self, out: Array, which: Indices, roots: Indices, total: Array, parts: Indices, at: Indices, force: Array
     ) -> None:
-        """Replace, in place, the stress of divided cells at near points by the stress of their parts."""
+        """Refine the stress of divided cells at near points, in place.
+
+        The stress of the whole cell is replaced by that of its parts.
+        """
         cut = np.unique(at)
         middles = self._surface.cells.positions[roots[cut]]
         apart = self._feet[which][:, None] - middles

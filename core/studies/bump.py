@@ -1,4 +1,6 @@
-"""Friction and voltage along the Gaussian bump of [S4] on a friction screen, for each profile.
+"""Friction and voltage along the Gaussian bump of [S4], by profile.
+
+The bump is rendered on a friction screen.
 
 Source: [S4] Table 1 and fig. 6
 """
@@ -93,7 +95,10 @@ def bump_curve(
 
 
 def text(found: Bump) -> str:
-    """Return a table for a terminal: each profile's largest friction, its place, and the largest voltage."""
+    """Return the largest friction and voltage for a terminal.
+
+    For each profile, the table also has the place of the largest friction.
+    """
     out = [f"{'profile':12}friction   at [mm]   volts"]
     for profile in PROFILES:
         most = int(found.friction[profile].argmax())
@@ -114,7 +119,10 @@ def csv(found: Bump) -> str:
 
 
 def picture(found: Bump) -> bytes:
-    """Return a PNG with friction and voltage along the bump for each profile, and the bump behind them."""
+    """Return a PNG with friction and voltage along the bump.
+
+    There is a curve for each profile, and the bump behind the curves.
+    """
     width, height = 700.0, 400.0
     canvas = PngCanvas(width, height)
     canvas.rectangle(0, 0, width, height, PAPER)

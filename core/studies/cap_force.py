@@ -1,4 +1,6 @@
-"""Cap force: the force of a shear tactor in its weakest direction, for two rules of torque limits.
+"""Cap force: force of a shear tactor in its weakest direction.
+
+It is computed for two rules of torque limits.
 
 Source: [S3] section 3.1 with the corrections: both of its figures follow from one torque limit under two rules
 """

@@ -1,4 +1,6 @@
-"""Comparison of a pin array's methods on the sliding plane of [S1] for many stimuli.
+"""Comparison of a pin array's methods on the sliding plane of [S1].
+
+Depth, friction and direction vary.
 
 Source: [S1] IV and V
 """
@@ -124,7 +126,10 @@ def text(found: Sequence[Swept]) -> str:
 
 
 def csv(found: Sequence[Swept], spec: DeviceSpec, skin: SkinModel) -> str:
-    """Return the sweep as CSV in SI units, with a row for each stimulus and method, after lines `# key: value`."""
+    """Return the sweep as CSV in SI units.
+
+    There is a row for each stimulus and method, after lines `# key: value`.
+    """
     names = [f.name for f in fields(MethodReport) if not f.name.startswith("finer")]
     about = {"device": spec.key, "skin": repr(skin), "generator": f"dermis {version()}", "note": "simulated"}
     out = ["# dermis-method-sweep 1", *(f"# {k}: {v}" for k, v in about.items())]

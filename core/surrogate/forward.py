@@ -1,4 +1,7 @@
-"""ForwardModel: stimulus of the skin for a device's configuration; and the direct model, which solves the contact."""
+"""ForwardModel: stimulus of the skin for a device's configuration.
+
+`DirectModel` solves the contact; learned models have the same interface.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,9 @@ from ..skin.stimulus import Stimulus
 
 
 class ForwardModel(Protocol):
-    """Interface of models that return the stimulus for a configuration, and its derivative, at a fixed friction state.
+    """Interface of models that return the stimulus for a configuration.
+
+    They also return its derivative. The friction state is fixed beforehand.
 
     Source: [S0] 3.4, sigma(x, f).
     """
@@ -101,7 +106,10 @@ class DirectModel:
         return np.asarray(self._of_points @ solution.spread(self.contact.count).ravel())
 
     def stimulus(self, solution: DiscSolution) -> Array:
-        """Return the stimulus of a contact, shape (k,); by the law if the contact was solved by the law."""
+        """Return the stimulus of a contact, shape (k,).
+
+        If the contact was solved by the law, so is the stimulus.
+        """
         if solution.amounts is None or self.observer is None or not solution.touching:
             return self.linear(solution)
         return self.observer.see(self.felt(self.observer, solution))

@@ -1,4 +1,6 @@
-"""Lessons: movements of the device for training, and movements of the same kinds held out for testing.
+"""Lessons: movements for training, and movements for testing.
+
+The movements for testing are of the same kinds, and are held out.
 
 Whole movements are held out, and they are chosen before training. Samples of one movement are too similar to be split
 between training and test.

@@ -1,4 +1,6 @@
-"""Network with one hidden layer of softplus neurons, trained by L-BFGS with NumPy and SciPy alone.
+"""Network with one hidden layer of softplus neurons.
+
+It is trained by L-BFGS with NumPy and SciPy alone.
 
 Source: [S0] 4.2 (18-260-10, softplus because it can be differentiated)
 """
@@ -63,7 +65,9 @@ class Network:
         return softplus(z) @ self.output_weights.T + self.offset
 
     def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
-        """Return the channels, shape (c,), and their derivatives along directions of the inputs, shape (c, d).
+        """Return the channels and their derivatives along given directions.
+
+        The shapes are (c,) and (c, d).
 
         Args:
             u: inputs, shape (p,).

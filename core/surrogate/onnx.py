@@ -104,7 +104,10 @@ def write(path: Path, network: Network, meta: Mapping[str, Any] | None = None) -
 
 
 class _Bound:
-    """A session of onnxruntime with fixed arrays for inputs and outputs, so that a call allocates little memory."""
+    """A session of onnxruntime with fixed arrays for inputs and outputs.
+
+    A call therefore allocates little memory.
+    """
 
     def __init__(self, session: Any, inputs: int, outputs: int, ways: int) -> None:
         self._features, self._slopes = np.zeros((1, inputs)), np.zeros((1, inputs, ways))
@@ -189,7 +192,9 @@ class OnnxFit:
         return self._session.run(["stress"], {"features": u, "slopes": np.zeros((*u.shape, self._ways))})[0]
 
     def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
-        """Return the channels, shape (c,), and their derivatives along directions of the inputs, shape (c, d).
+        """Return the channels and their derivatives along given directions.
+
+        The shapes are (c,) and (c, d).
 
         Args:
             u: inputs, shape (p,).
@@ -314,7 +319,10 @@ def _value(name: str, shape: tuple[int | str, ...]) -> bytes:
 
 
 def _fields(data: bytes) -> Iterator[tuple[int, int | bytes]]:
-    """Yield field numbers and values of a message; ValueError or IndexError if it is truncated."""
+    """Yield field numbers and values of a message.
+
+    A truncated message raises ValueError or IndexError.
+    """
     at = 0
     while at < len(data):
         key, at = _read_number(data, at)

@@ -44,7 +44,7 @@ _RIDGE = ("centre", "scale", "constant", "linear", "quadratic")
 
 
 def device_key(device: DiscDevice) -> str:
-    """Return a key that depends on all properties of a device that change its effect on a skin."""
+    """Return a key of the device's properties that affect a skin."""
     usual = {"side": 1.0, "bounds": None}  # values of most devices, which are left out of the key
     parts = {k: _plain(v) for k, v in asdict(cast(Any, device)).items()}
     if "bend" in parts:
@@ -60,7 +60,10 @@ def _plain(value: Any) -> Any:
 
 
 def place_of(folder: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Path:
-    """Return the path of a surrogate in a folder, for a skin's shape, a device and a friction coefficient."""
+    """Return the path of a surrogate in a folder.
+
+    It depends on the skin's shape, the device and the friction coefficient.
+    """
     key = cache_key(SCHEMA, skin.key, pressed_on(skin), device_key(device), repr(float(friction)))
     return Path(folder) / f"{key[:32]}.npz"
 

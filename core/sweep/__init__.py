@@ -1,1 +1,4 @@
-"""Sweeps: resumable tables of results for variants of devices, materials, skins, methods and seeds."""
+"""Sweeps: resumable tables of results for variants.
+
+Devices, materials, skins, methods and seeds can vary.
+"""

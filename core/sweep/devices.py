@@ -1,4 +1,7 @@
-"""The study 'devices': scenes rendered by a device, with variable dimensions, settings, skin and materials."""
+"""The study 'devices': scenes rendered by a device.
+
+Dimensions and settings of the device, skin and materials can vary.
+"""
 
 from __future__ import annotations
 

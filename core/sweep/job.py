@@ -1,4 +1,7 @@
-"""The job 'sweep-row': it computes one row of a sweep and returns its figures as one JSON object."""
+"""The job 'sweep-row', which computes one row of a sweep.
+
+The figures of the row are returned as one JSON object.
+"""
 
 from __future__ import annotations
 

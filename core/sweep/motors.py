@@ -1,4 +1,6 @@
-"""The study 'motors': the six interactions of [S2] on platforms, for seeds, wobbles and dimensions.
+"""The study 'motors': the six interactions of [S2] on platforms.
+
+Seeds, wobbles and dimensions of the platform can vary.
 
 Source: [S2] V; the rule, the noise and the wobble are those fixed in `design/interactions.py`
 """
@@ -41,7 +43,9 @@ _tables: Recent[str, SkinTable] = Recent(2)  # a sweep has few platforms, and th
 
 
 def rows(spec: Spec, library: Library) -> list[Row]:
-    """Return the rows of a sweep; each variant without a touch gets a row for each of the six touches.
+    """Return the rows of a sweep.
+
+    A variant without a touch gets a row for each of the six touches.
 
     Raises:
         DermisError: a parameter cannot vary, a platform or touch is unknown, or a seed or wobble is not valid.

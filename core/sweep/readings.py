@@ -80,7 +80,10 @@ def sensed(given: Mapping[str, Any]) -> Counts:
 
 
 def _key(row: Row) -> str:
-    """Return the hash of all inputs of the readings of a row's touch; the platform is not among them."""
+    """Return the hash of all inputs of a row's readings.
+
+    The platform is not among these inputs.
+    """
     values, made_by = row.given["values"], [engine()[name] for name in SAME]
     touch = (str(values["touch"]), repr(int(values["seed"])), repr(float(values["wobble"])), str(row.given["level"]))
     return cache_key("dermis-sweep-reading 1", *touch, *made_by)[:32]

@@ -1,4 +1,7 @@
-"""One row of a sweep: its parameters, and the hash that identifies it when a sweep is resumed."""
+"""One row of a sweep: its parameters and its hash.
+
+The hash identifies the row when a sweep is resumed.
+"""
 
 from __future__ import annotations
 

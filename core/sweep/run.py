@@ -1,4 +1,7 @@
-"""Run of a sweep: finished rows are kept, missing rows are computed in parallel, and a table is written."""
+"""Run of a sweep.
+
+Finished rows are kept, missing rows are computed in parallel, and a table is written.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Specification of a sweep: a TOML file with a study, scenes, and the values of varied parameters."""
+"""Specification of a sweep.
+
+It is a TOML file with a study, scenes, and the values of varied parameters.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Files of a sweep: one for each finished row, written atomically, and the table as CSV and Parquet."""
+"""Files of a sweep: rows and table.
+
+Each finished row is a file, written atomically. The table is written as CSV and Parquet.
+"""
 
 from __future__ import annotations
 
@@ -65,7 +68,10 @@ def write(folder: Path, rows: Sequence[Row], found: Mapping[str, Figures], study
 
 
 def _columns(rows: Sequence[Row], found: Mapping[str, Figures]) -> list[str]:
-    """Return the columns: hash, varied parameters, results in the order of their first rows, and refusals."""
+    """Return the names of the table's columns.
+
+    They are the hash, the varied parameters, the results in the order of their first rows, and the refusals.
+    """
     varied = [name for row in rows for name in row.columns]
     figures = [name for row in rows for name in found.get(row.key, {})]
     return list(dict.fromkeys(["hash", *varied, *(name for name in figures if name != ERROR), ERROR]))

@@ -29,7 +29,9 @@ def check_keys(spec: Spec, plain: Collection[str], kinds: Collection[str]) -> No
 
 
 def dimensions(values: Mapping[str, Value], library: Library, where: str) -> dict[str, Any] | None:
-    """Return the device preset of a variant with changed dimensions; None if no dimension varies.
+    """Return the device preset of a variant with changed dimensions.
+
+    The result is None if no dimension varies.
 
     Args:
         values: values of the variant. 'device.NAME' is a parameter of the preset 'device', in the preset's own unit.

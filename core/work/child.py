@@ -48,7 +48,10 @@ def command(*arguments: str) -> list[str]:
 
 
 def environment() -> dict[str, str]:
-    """Return the environment of a child, which finds this engine and the same packages in the same order."""
+    """Return the environment variables of a child.
+
+    With them, the child finds this engine and the same packages in the same order.
+    """
     given = os.environ.get("PYTHONPATH", "").split(os.pathsep)  # folders given to this process
     paths = [str(HOME), *(p for p in sys.path if p.rstrip("/\\").endswith("-packages") or (p and p in given))]
     return {**os.environ, "PYTHONPATH": os.pathsep.join(dict.fromkeys(paths)), "OPENBLAS_NUM_THREADS": "1"}
@@ -174,7 +177,10 @@ def close_at_exit(owner: Owner) -> None:
 
 
 def close_all() -> None:
-    """Close every owner of child processes; a sender whose device needs more time finishes by itself."""
+    """Close every owner of child processes.
+
+    A sender whose device needs more time finishes by itself.
+    """
     for owner in list(_owners):
         owner.close()
 

@@ -48,7 +48,10 @@ _one_at_a_time = threading.Lock()
 
 @dataclass(frozen=True)
 class Keys:
-    """Files of a TLS connection: the authority's certificate, the client's certificate, and its key."""
+    """Files of a TLS connection.
+
+    They are the authority's certificate, the client's certificate, and the key of the latter.
+    """
 
     authority: str
     certificate: str
@@ -135,7 +138,10 @@ class ClusterExecutor(JobExecutor):
         return f"ClusterExecutor({self.address}, {self.room() // AHEAD} at once)"
 
     def room(self) -> int:
-        """Return how many jobs should be submitted at once: `AHEAD` for each thread of all current workers."""
+        """Return how many jobs should be submitted at once.
+
+        It is `AHEAD` for each thread of all current workers.
+        """
         if time.monotonic() - self._looked > LOOK_SECONDS:
             threads = self._client.scheduler_info(n_workers=-1)["workers"].values()
             self.workers = max(1, sum(int(worker["nthreads"]) for worker in threads))
@@ -314,7 +320,10 @@ def _failed(error: BaseException, where: str) -> DermisError:
 
 
 def is_open(address: str) -> bool:
-    """Return whether others on the network can listen to an address: neither TLS nor this machine."""
+    """Return whether others on the network can listen to an address.
+
+    They cannot if it uses TLS or is on this machine.
+    """
     parts = urlsplit(address)
     if parts.scheme in ("tls", "inproc"):
         return False

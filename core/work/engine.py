@@ -1,4 +1,7 @@
-"""Identity of this engine: properties that must, or should, agree between all processes that run jobs."""
+"""Identity of this engine.
+
+It has the properties that must, or should, agree between all processes that run jobs.
+"""
 
 from __future__ import annotations
 
@@ -63,7 +66,10 @@ def check_same(theirs: Mapping[str, str], where: str) -> None:
 
 
 def unlike(theirs: Mapping[str, str]) -> str:
-    """Return, in words, the differences to another engine that may change last digits; '' if there is none."""
+    """Return differences to another engine that may change last digits.
+
+    They are described in words; '' if there is none.
+    """
     ours = engine()
     other = [name for name in ALIKE if theirs.get(name) != ours[name]]
     return ", ".join(f"{name} {theirs.get(name, 'unknown')} (here {ours[name]})" for name in other)

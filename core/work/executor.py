@@ -1,4 +1,4 @@
-"""Executors of jobs by name, and their futures, which report progress and can be cancelled.
+"""Executors of jobs by name, and futures with progress and cancelling.
 
 They extend the standard library's `concurrent.futures`: `wait`, `as_completed`, callbacks and `map` work as usual. An
 executor of another kind, such as one on other machines, inherits from `JobExecutor`.
@@ -113,7 +113,10 @@ class JobExecutor(Executor):
         return f"{type(self).__name__}(up to {self.workers} at once)"
 
     def room(self) -> int:
-        """Return how many jobs should be submitted at once, to keep all workers busy with the least memory."""
+        """Return how many jobs should be submitted at once.
+
+        With this number all workers are busy, and the fewest inputs are in memory.
+        """
         return self.workers
 
     def submit(  # type: ignore[override]  # a name where the standard library takes a function: nothing is pickled
@@ -132,7 +135,10 @@ class JobExecutor(Executor):
 
 
 class InlineExecutor(JobExecutor):
-    """Executor that runs each job in this process before `submit` returns; for scripts and tests."""
+    """Executor that runs each job in this process.
+
+    The job is finished when `submit` returns. This is for scripts and tests.
+    """
 
     def submit(  # type: ignore[override]
         self, name: str, arrays: Arrays | None = None, parameters: Mapping[str, Any] | None = None

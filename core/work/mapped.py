@@ -1,4 +1,7 @@
-"""Shared memory of two processes as a mapped file, and a record that one writes and the other reads."""
+"""Shared memory of two processes, and a record in it.
+
+The memory is a mapped file. One process writes the record and the other reads it.
+"""
 
 from __future__ import annotations
 

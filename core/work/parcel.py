@@ -1,4 +1,7 @@
-"""Parcels: plain values and arrays as one piece of bytes, to be sent between machines without pickle."""
+"""Parcels: plain values and arrays as one piece of bytes.
+
+They are sent between machines without pickle.
+"""
 
 from __future__ import annotations
 

@@ -30,7 +30,10 @@ MAX_END_SECONDS = 2.0  # [s] time that an idle child has to end by itself
 
 
 def cores() -> int:
-    """Return the number of processes that can run in parallel on this machine, at most `MOST_WORKERS`."""
+    """Return how many processes can run in parallel on this machine.
+
+    The number is at most `MOST_WORKERS`.
+    """
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(allowed, MOST_WORKERS)
 
@@ -93,7 +96,10 @@ class ProcessExecutor(JobExecutor):
         self.shutdown(cancel_futures=True)
 
     def _work(self) -> None:
-        """Run jobs in one child process until the executor is shut down; each worker has a thread for this."""
+        """Run jobs in one child process until the executor is shut down.
+
+        Each worker has a thread for this.
+        """
         worker: _Worker | None = None
         while (item := self._jobs.get()) is not None:
             future, job = item

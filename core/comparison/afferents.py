@@ -62,7 +62,7 @@ class Afferents:
 
     @classmethod
     def of(cls, skin: SkinModel) -> Afferents:
-        """Return the afferents of a skin, with noise calibrated by human force discrimination.
+        """Return the afferents of a skin, with calibrated noise.
 
         Raises:
             DermisError: no flat press with the force of a calibration press was found.
@@ -78,7 +78,9 @@ class Afferents:
         return cls(skin, slow, fast, *counts, float(apart))
 
     def strain(self, states: Sequence[Stimulus]) -> Array:
-        """Return the strain at every probe for some states, as a stress [Pa], shape (n, probes).
+        """Return the strain at every probe for some states, as a stress [Pa].
+
+        The shape is (n, probes).
 
         It is sqrt(2 E U), with Young's modulus E and the strain energy density U, which SA1 afferents follow.
         Source: Dandekar, Raju and Srinivasan 2003, J. Biomech. Eng. 125.
@@ -110,7 +112,9 @@ class Afferents:
 
 
 def moments(duration: float) -> Array:
-    """Return the ends and middles of the frames that cover a touch [s], shape (2 frames + 1,).
+    """Return the ends and middles of the frames that cover a touch [s].
+
+    The shape is (2 frames + 1,).
 
     Args:
         duration: duration of the touch [s].
@@ -120,7 +124,10 @@ def moments(duration: float) -> Array:
 
 
 def _held(skin: SkinModel, shares: Sequence[float]) -> list[Stimulus]:
-    """Return the stimuli of flat presses on a skin, with shares of the reference force."""
+    """Return the stimuli of flat presses on a skin.
+
+    The forces are shares of the reference force.
+    """
     plate = Surface.block(0.1, 0.1)
     depths, forces, found = [0.0], [0.0], []
     depth = 1e-3

@@ -1,4 +1,6 @@
-"""Comparison of devices: one finger's touch rendered by every device preset that fits.
+"""Comparison of devices for one touch of one finger.
+
+The touch is rendered by every device preset that fits.
 
 Each device is judged by its own measures, see `measures`.
 """
@@ -81,7 +83,7 @@ class Comparison:
 def compare_devices(
     scene: TactileScene, library: Library, finger: str | int = 0, *, cache: Cache | None = None, floors: bool = False
 ) -> Generator[Progress, None, Comparison]:
-    """Render a finger's touch with every device preset that fits, and judge the results.
+    """Render a finger's touch with every device that fits, and judge it.
 
     Progress is yielded, and a `Comparison` is returned.
 
@@ -136,7 +138,9 @@ def compare_devices(
 def floor_in(
     spec: DeviceSpec, skin: SkinContact | None, parameters: Mapping[str, Any]
 ) -> Generator[Progress, None, Floor | None]:
-    """Find the floor of a device for a touch, see `matching.floor`; yield progress.
+    """Find the floor of a device for a touch; yields progress.
+
+    The floor is the least error of any pose of the device, see `matching.floor`.
 
     None is returned for a device of a kind without a floor, see `SEARCHED`, and if nothing is touched. The floor of a
     hexapod does not depend on its matching method, so it is also computed for one that uses a look-up table.
@@ -158,7 +162,7 @@ def floor_in(
 
 
 def _share(step: int, steps: int, now: Progress) -> Progress:
-    """Convert the progress within one of several steps to the progress of all steps."""
+    """Convert the progress within one step to that of all steps."""
     return Progress("judging", PARTS * step + PARTS * now.done // now.total, PARTS * steps)
 
 

@@ -1,4 +1,6 @@
-"""Ideal observer: discrimination of two touches from all afferents, without loss.
+"""Ideal observer: discrimination of two touches from all afferents.
+
+The observer uses the whole response, without loss.
 
 A pair of rendered touches is judged in two respects. *Told apart*: any difference between the two responses counts.
 *Taken for*: the observer knows the real touches, and only the part of the difference along the difference of the real

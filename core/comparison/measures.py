@@ -1,4 +1,4 @@
-"""Measures of the difference between a touch and its rendering by a device.
+"""Measures of the difference between a touch and its rendering.
 
 Devices that press on skin are judged by the stress where receptors lie, by the normal force and by the tangential
 force. A shear tactor is judged by the displacement that its effects request, a friction screen by the perceived
@@ -198,6 +198,9 @@ def _looked_at(skin: SkinContact) -> NDArray[np.intp]:
 
 
 def _stress(model: SkinModel, forces: Array, amounts: Sequence[Array | None]) -> Array:
-    """Return the stress at the receptors under the pad [Pa], shape (k, probes, 6)."""
+    """Return the stress at the receptors under the pad [Pa].
+
+    The shape is (k, probes, 6).
+    """
     both = zip(forces, amounts, strict=True)
     return np.stack([Stimulus(model, force, given=given).probe_stress for force, given in both])

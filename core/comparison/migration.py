@@ -1,4 +1,4 @@
-"""Migration report: differences between commands of an earlier engine and of this one.
+"""Migration report: differences from the commands of an earlier engine.
 
 It shows whether a published track would be different today. A stored track is compared with the track that the same
 finger and device get from this engine, at the times of the stored track.
@@ -34,7 +34,7 @@ SUFFIXES = (".csv", ".json", ".dtrack")  # suffixes of files that hold a whole t
 
 @dataclass(frozen=True, eq=False)
 class Migration:
-    """A stored track and the present engine's track for the same finger and device.
+    """A stored track, and the present engine's track in its place.
 
     Attributes:
         file: file of the stored track.
@@ -79,7 +79,10 @@ class Migration:
 
     @cached_property
     def share(self) -> Array:
-        """The largest difference of each channel, divided by `ranges` [1], shape (c,)."""
+        """The largest difference of each channel, relative to `ranges`.
+
+        The shares [1] have the shape (c,).
+        """
         return np.abs(self.difference).max(axis=0, initial=0.0) / self.ranges
 
     def frame_of(self, sample: int) -> float:
@@ -88,7 +91,10 @@ class Migration:
 
     @property
     def changed_frames(self) -> tuple[int, int]:
-        """Number of scene frames with a change above `CHANGED`, and number of all scene frames."""
+        """Number of changed scene frames, and number of all scene frames.
+
+        A frame counts as changed if a command in it differs by more than the share `CHANGED` of its range.
+        """
         frames = np.floor(self.first + self.before.times * self.fps + 1e-9)
         far = (np.abs(self.difference) > CHANGED * self.ranges).any(axis=1)
         return len(np.unique(frames[far])), len(np.unique(frames))
@@ -223,7 +229,10 @@ def _migration(file: str, before: CommandTrack, output: Output) -> Migration:
 
 
 def table(found: Iterable[Migration]) -> str:
-    """Return the changes as a table for a terminal, with a line for each channel."""
+    """Return the changes as a table for a terminal.
+
+    There is a line for each channel.
+    """
     rows = [("finger", "device", "channel", "largest change", "of range", "at frame", "frames changed", "made by")]
     for one in found:
         frames = "{} of {}".format(*one.changed_frames)

@@ -1,4 +1,7 @@
-"""Picture of target and rendered touch: measures over time, and pressure on the pad."""
+"""Picture of target and rendered touch.
+
+It shows the measures over time, and the pressure on the pad.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,10 @@ DARK, LIGHT = np.array([0x14, 0x2F, 0x5C]), np.array([0xC4, 0xD3, 0xE8])
 
 
 def shown_unit(measure: Measure) -> tuple[float, str]:
-    """Return the unit in which a measure is shown: its size in SI units, and its name."""
+    """Return the unit in which a measure is shown.
+
+    The results are the size of the unit in SI units, and its name.
+    """
     if measure.unit == "m" and max(float(measure.target.max()), float(measure.rendered.max())) < SMALL_LENGTH:
         return 1e-6, "µm"
     return UNITS.get(measure.unit, (1.0, measure.unit))
@@ -70,7 +76,10 @@ def _series(canvas: Canvas, measure: Measure, top: float, duration: float) -> No
 
 
 def _gaps(times: Array) -> NDArray[np.intp]:
-    """Return the indices of samples that follow a long gap, where a curve is interrupted."""
+    """Return the indices of samples that follow a long gap.
+
+    A curve is interrupted there.
+    """
     step = np.diff(times)
     return np.flatnonzero(step > 3.0 * np.median(step)) + 1 if len(step) else np.zeros(0, np.intp)
 

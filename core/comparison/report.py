@@ -88,13 +88,19 @@ def _floor_by(row: Row) -> str:
 
 
 def text(found: Comparison) -> str:
-    """Return the table for a terminal, the skipped devices and the findings about the touch."""
+    """Return the comparison as text for a terminal.
+
+    It has the table, the skipped devices and the findings about the touch.
+    """
     made = aligned([columns(found), *lines(found)])
     return "\n".join([*made, *(f"skipped: {s.title}: {s.why}" for s in found.skipped), *map(str, found.findings)])
 
 
 def csv(found: Comparison) -> str:
-    """Return the table as CSV in SI units, after lines `# key: value` as in a track."""
+    """Return the table as CSV in SI units.
+
+    Lines `# key: value` precede it, as in a track.
+    """
     head = ["# dermis-comparison 1", *(f"# {k}: {v}" for k, v in _about(found)), *map(_comment, found.skipped)]
     head += [f"# {_line(str(finding))}" for finding in found.findings]
     floors = _has_floors(found)
@@ -112,7 +118,10 @@ def csv(found: Comparison) -> str:
 
 
 def html(found: Comparison) -> str:
-    """Return a self-contained page with table, glossary, skipped devices and pictures."""
+    """Return a self-contained HTML page.
+
+    It has the table, a glossary, the skipped devices and the pictures.
+    """
     words = (*WORDS, FLOOR_WORDS) if _has_floors(found) else WORDS
     parts = [
         f"<!DOCTYPE html><html lang=en><meta charset=utf-8><title>{escape(found.finger)}: devices compared</title>",

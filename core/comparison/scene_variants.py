@@ -1,4 +1,4 @@
-"""Variants of a scene: shifted a little, sampled twice as often, or mirrored."""
+"""Variants of a scene: shifted, sampled twice as often, or mirrored."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def shifted(scene: TactileScene, far: float = SHIFT) -> TactileScene:
 
 
 def denser(scene: TactileScene) -> TactileScene:
-    """Return a scene with an additional sample half-way between each two samples.
+    """Return a scene with a sample half-way between each two samples.
 
     Positions, rotations and scales are interpolated by parabolas, see `_bent`, so smooth motion keeps its acceleration.
     Where the path is curved at only one of the two samples, the interpolation is linear, so motion that stops abruptly
@@ -128,7 +128,7 @@ def _brings(chunk: Chunk) -> tuple[set[int], set[str]]:
 
 
 def _half_before(before: Chunk, chunk: Chunk, middles: Mapping[str, Array], start: int) -> Chunk:
-    """Return the sample half-way between a sample and the first sample of a chunk.
+    """Return the sample half-way between `before` and a chunk's first.
 
     Surfaces and animated parameters that only one of the two has are taken from `before`.
     """
@@ -147,7 +147,10 @@ def _half_before(before: Chunk, chunk: Chunk, middles: Mapping[str, Array], star
 
 
 def _joined(before: Chunk, chunk: Chunk) -> Chunk:
-    """Return a chunk preceded by a sample that has the same surfaces and animated parameters."""
+    """Return a chunk preceded by a sample.
+
+    Both have the same surfaces and animated parameters.
+    """
     poses = {n: np.concatenate([getattr(before, n), getattr(chunk, n)], axis=1) for n in _POSES}
     surfaces = {i: (*before.surfaces[i], *meshes) for i, meshes in chunk.surfaces.items()}
     animated = {n: np.concatenate([before.animated[n], v]) for n, v in chunk.animated.items()}
@@ -166,7 +169,10 @@ def _halved(chunk: Chunk, middles: Mapping[str, Array], start: int, *, skip: boo
     first = int(skip)
 
     def between(values: Array, middle: Array, axis: int) -> Array:
-        """Interleave values and middles along an axis, and drop the first value on `skip`."""
+        """Interleave values and middles along an axis.
+
+        On `skip` the first value is left out.
+        """
         shape = list(values.shape)
         shape[axis] = 2 * shape[axis] - 1
         out = np.empty(shape, values.dtype)
@@ -201,7 +207,10 @@ def _halved(chunk: Chunk, middles: Mapping[str, Array], start: int, *, skip: boo
 
 
 def _is_quantity(name: str) -> bool:
-    """Return whether an animated parameter, such as 'body/3/friction', can be interpolated."""
+    """Return whether an animated parameter can be interpolated.
+
+    The name is such as 'body/3/friction'.
+    """
     kind, _, rest = name.partition("/")
     row = _TABLES[kind].get(rest.rpartition("/")[2])
     return row is not None and row.unit not in (SWITCH, TEXT, NAMES) and not row.whole and not row.choices
@@ -216,13 +225,18 @@ def _half_meshes(meshes: tuple[Mesh, ...]) -> list[Mesh]:
 
 
 def _middles(chunks: Iterable[Chunk]) -> dict[str, Array]:
-    """Return the poses half-way between consecutive samples, shape (count, n - 1, 4, 4) each."""
+    """Return the poses half-way between consecutive samples.
+
+    The shape is (count, n - 1, 4, 4) for fingers, bodies and screens each.
+    """
     parts = [[getattr(chunk, name) for name in _POSES] for chunk in chunks]
     return {name: _half_way(np.concatenate([part[k] for part in parts], axis=1)) for k, name in enumerate(_POSES)}
 
 
 def _half_way(poses: Array) -> Array:
-    """Return the poses half-way between consecutive ones, shape (count, n - 1, 4, 4).
+    """Return the poses half-way between consecutive ones.
+
+    The shape is (count, n - 1, 4, 4).
 
     Rotation, scale and position are interpolated separately. A pose of scale 0 has no rotation; beside it, the linear
     maps of the two poses are averaged instead.
@@ -251,7 +265,9 @@ def _half_way(poses: Array) -> Array:
 
 
 def _middle(values: Array, known: NDArray[np.bool_]) -> Array:
-    """Return the vectors half-way between consecutive ones, shape (count, n - 1, k).
+    """Return the vectors half-way between consecutive ones.
+
+    The shape is (count, n - 1, k).
 
     Args:
         values: the vectors, shape (count, n, k).

@@ -1,4 +1,4 @@
-"""Discrimination of a scene's touches through each device, by an ideal observer.
+"""Discrimination of a scene's touches by an ideal observer.
 
 A finger that touches, lifts and touches again makes several touches. They are compared in pairs: the real touches with
 each other, and, for each device and method, the rendered touches with each other.
@@ -53,7 +53,10 @@ class TouchTime:
 
 @dataclass(frozen=True, eq=False)
 class ToldRow:
-    """Result for one device and method; `answers` has one entry for each pair of touches."""
+    """Result for one device and method.
+
+    `answers` has one entry for each pair of touches.
+    """
 
     device: str
     title: str
@@ -159,7 +162,10 @@ def check_count(finger: str, touches: Sequence[TouchTime]) -> None:
 
 
 def touches_of(skin: SkinContact) -> tuple[TouchTime, ...]:
-    """Return the touches of a finger; pauses up to `PAUSE` do not divide a touch."""
+    """Return the touches of a finger.
+
+    Pauses up to `PAUSE` do not divide a touch.
+    """
     if not len(skin.contact):
         return ()
     times = skin.times[skin.contact]
@@ -241,7 +247,9 @@ class LookedAt:
         return np.union1d(before, before + 1)
 
     def read(self, afferents: Afferents, states: Sequence[Stimulus]) -> list[Array]:
-        """Return the response to each touch, from the states of the skin at `samples`.
+        """Return the response to each touch.
+
+        `states` are the states of the skin at `samples`.
 
         After the end of a touch the strain is zero.
         """
@@ -254,7 +262,9 @@ class LookedAt:
 
 
 def real_states(skin: SkinContact, samples: NDArray[np.intp]) -> list[Stimulus]:
-    """Return the stimuli of the real touch at some samples, computed from its nodal forces.
+    """Return the stimuli of the real touch at some samples.
+
+    They are computed from the nodal forces.
 
     The stimuli of devices are computed from nodal forces as well, so that both are comparable.
     """

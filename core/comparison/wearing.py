@@ -1,4 +1,4 @@
-"""Device presets that fit a finger, and the scene in which the finger wears all of them."""
+"""Device presets that fit a finger, and a scene with all of them."""
 
 from __future__ import annotations
 
@@ -67,7 +67,10 @@ def _misfit(kind: str, scene: TactileScene) -> str:
 
 
 def alone(scene: TactileScene, library: Library) -> Iterator[Finger]:
-    """Yield the fingers of a scene without devices; a skin that was solved is still solved."""
+    """Yield the fingers of a scene without their devices.
+
+    A skin that was solved is still solved.
+    """
     for finger in scene.fingers:
         shown = SKIN_CONTACT["skin_shown"].of(finger.parameters) or any(
             _follows(library, use.preset) for use in finger.devices

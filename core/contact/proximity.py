@@ -46,7 +46,7 @@ class RelativePoses(NamedTuple):
 
 
 class _Measured(NamedTuple):
-    """Lower bounds of a body's gaps, with the pose and the mesh for which they were measured.
+    """Lower bounds of a body's gaps, with the pose and mesh measured.
 
     Attributes:
         gaps: lower bound of each group's gap [m], shape (g,).
@@ -98,7 +98,9 @@ class Proximity:
         return np.asarray(np.maximum.reduceat(values.take(self._order), self._starts))
 
     def within(self, poses: Mapping[int, RelativePoses], boxes: Mapping[int, Array], i: int, reach: Array) -> set[int]:
-        """Return the bodies whose bounding boxes are within reach of any group at a sample.
+        """Return the bodies whose bounding boxes are within reach at a sample.
+
+        A body is within reach if it is within that of any group.
 
         Args:
             poses: poses of the nearby bodies at the samples of the chunk, by the bodies' indices.
@@ -136,7 +138,9 @@ class Proximity:
         return np.where(flat[..., None], -np.inf, off.max(axis=-1))
 
     def gaps(self, b: int, i: int, poses: Mapping[int, RelativePoses], mesh: Mesh) -> Array:
-        """Return lower bounds of the groups' gaps to body `b` at sample `i` [m], shape (g,).
+        """Return lower bounds of the groups' gaps to body `b` at sample `i`.
+
+        The bounds [m] have the shape (g,).
 
         The bounds are -inf if the body was not measured yet, or if its mesh had other faces then.
 
@@ -230,7 +234,9 @@ def _length(vectors: Array) -> Array:
 
 
 def _size(linear: Array) -> Array:
-    """Return the Frobenius norm of linear maps, an upper bound of their spectral norm.
+    """Return the Frobenius norm of linear maps.
+
+    It is an upper bound of their spectral norm.
 
     For the difference between two rotations, it is the spectral norm times the square root of two.
     """
@@ -238,7 +244,10 @@ def _size(linear: Array) -> Array:
 
 
 def _sphere(points: Array) -> tuple[Array, float]:
-    """Return the centre, shape (3,), and the radius of a sphere that encloses points [m]."""
+    """Return a sphere that encloses points.
+
+    The results are its centre, shape (3,), and its radius [m].
+    """
     middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
     return middle, float(np.sqrt(((points - middle) ** 2).sum(axis=1).max()))
 

@@ -85,12 +85,18 @@ class Design:
 
     @property
     def poor(self) -> tuple[str, ...]:
-        """Interactions with so large an error with all motors that no number of motors is given."""
+        """Interactions with a large error even with all motors.
+
+        The error is so large that no number of motors is given.
+        """
         left = self.joint.error[:, -1] > POOR * self.joint.touch
         return tuple(name for name, poor in zip(self.names, left.tolist(), strict=True) if poor)
 
     def motors(self, rule: Rule = "touch") -> int | None:
-        """Return the fewest motors that satisfy a rule; None if any interaction is `poor`."""
+        """Return the fewest motors that satisfy a rule.
+
+        The result is None if any interaction is `poor`.
+        """
         return None if self.poor else self.joint.motors(rule)
 
     def low_rank(self, rule: Rule = "touch") -> bool:
@@ -217,7 +223,7 @@ ALIKE = 1.25  # ratio of the longest to the shortest contact; above it, the cont
 
 
 def scatter(readings: Array, touching: NDArray[np.bool_]) -> tuple[int, float]:
-    """Return the number of repetitions of a touch, and their deviation from their mean.
+    """Return the number of a touch's repetitions, and their deviation.
 
     A repetition is an interval of contact between two intervals of rest. Repetitions are resampled to one length and
     compared moment by moment.

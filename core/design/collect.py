@@ -1,4 +1,4 @@
-"""Simulated data collection: a resumable sweep of a device's configurations.
+"""Simulated data collection: a resumable sweep of configurations.
 
 The sweep is divided into parts that workers compute. Each finished part is written atomically to a file of its own, so
 an interrupted collection continues with the missing parts. When all parts exist, they are joined to one table.
@@ -156,7 +156,10 @@ def _counts(sensor: Readings, pressed: Pressed, rows: NDArray[np.bool_]) -> Arra
 
 @lru_cache(maxsize=1)
 def _skin(shape: FingertipShape, material: Elastic, level: str, tissue: str) -> SkinModel:
-    """Return a skin; the last one is kept, because all parts of a collection use the same."""
+    """Return a skin.
+
+    The last skin is kept, because all parts of a collection use the same.
+    """
     made = fingertip_skin(shape, material, level=level)
     return made if tissue == LINEAR else made.with_law()
 

@@ -1,4 +1,4 @@
-"""Device preset with fewer, coupled motors, made from the result of a design."""
+"""Device preset with fewer, coupled motors, from a design."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ MARGIN = 0.05  # share of the needed range of a new motor that is added at each 
 
 
 def preset(found: Design, rule: Rule = "touch", motors: int | None = None, name: str = "") -> dict[str, Any]:
-    """Return a device preset with fewer motors and the couplings found, as JSON values.
+    """Return a device preset with fewer motors as JSON values.
+
+    The motors have the couplings that the design found.
 
     A new motor's command runs from 0 to 1. This range covers the interactions and the safe pose, with a margin. Each
     original command is the coupling times the new commands, plus an offset. The pulley radius of motor j on cable i is
@@ -63,7 +65,10 @@ def preset(found: Design, rule: Rule = "touch", motors: int | None = None, name:
     offset = parts.mean + parts.scale * (parts.directions[:, :k] @ low)
 
     def nearest(original: Array) -> Array:
-        """Return the new commands whose original commands are nearest to the given ones."""
+        """Return the new commands that are nearest to original commands.
+
+        The distance is that between the original commands, relative to the ranges of the motors.
+        """
         found = np.linalg.lstsq(matrix / parts.scale[:, None], (original - offset) / parts.scale, rcond=None)[0]
         return np.clip(found, 0.0, 1.0)
 

@@ -1,4 +1,6 @@
-"""Track of a device from a sensor's recording, by look-up in a table of the device.
+"""Track of a device from a sensor's recording.
+
+The commands are looked up in a table of the device.
 
 Source: [S2] III.B eq. 2-4; with fewer motors eq. 5 and 7; the estimate eq. 8-10
 """
@@ -74,7 +76,7 @@ class Followed:
 def follow(
     spec: DeviceSpec, table: SkinTable, recording: Recording, *, noise: float | None = None, motors: int | None = None
 ) -> Followed:
-    """Return the track with which a device reproduces the readings of a recording.
+    """Return the track with which a device reproduces a recording.
 
     Args:
         spec: the device.
@@ -130,7 +132,7 @@ def follow(
 
 
 class Follower:
-    """Converts readings into commands one after the other, as they come from a sensor.
+    """Converts a sensor's readings into commands, one after the other.
 
     Args:
         spec: the device.
@@ -161,7 +163,9 @@ class Follower:
         commands_of(self.table, known[[int(self.table.from_rest(known).argmax())]])
 
     def command(self, reading: Array) -> Array:
-        """Return the device's commands for a reading, before the device's limits, shape (motors,).
+        """Return the device's commands for a reading.
+
+        They have the shape (motors,), and are not limited to the device's ranges and speeds.
 
         Args:
             reading: readings of all channels, shape (channels,).
@@ -217,7 +221,10 @@ def thimble_table(spec: DeviceSpec, samples: SampleTable, source: str, channels:
 
 
 def _reduced(spec: DeviceSpec, table: SkinTable, commands: Array, motors: int) -> Array:
-    """Return commands restricted to the first components. Source: [S2] eq. 5 and 7."""
+    """Return commands restricted to the first components.
+
+    Source: [S2] eq. 5 and 7.
+    """
     refuse_coupled(spec)
     if not 1 <= motors <= commands.shape[1]:
         raise DermisError("as many motors as the device has", value=motors, limit=f"1 to {commands.shape[1]}")
@@ -249,7 +256,10 @@ def _held(spec: DeviceSpec, x: Array) -> tuple[Array, Array, list[Finding]]:
 
 
 def _sensor(table: SkinTable, recording: Recording) -> list[Finding]:
-    """Report a table that was swept with the virtual sensor instead of being recorded."""
+    """Report a table that was swept with the virtual sensor.
+
+    Such a table does not apply to a recording of a real sensor.
+    """
     if "source" in table.meta or "channels" in table.meta:
         return []
     return [

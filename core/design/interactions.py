@@ -161,7 +161,10 @@ def slab() -> Mesh:
 
 
 def _eased(knots: Array, values: Array, times: Array) -> Array:
-    """Interpolate between stops by cubic smooth steps, with zero velocity at each stop."""
+    """Interpolate between stops by cubic smooth steps.
+
+    The velocity is zero at each stop.
+    """
     i = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 2)
     share = smoothstep((times - knots[i]) / (knots[i + 1] - knots[i]))[:, None]
     return (1.0 - share) * values[i] + share * values[i + 1]

@@ -22,7 +22,9 @@ WORDS: dict[Rule, str] = {"touch": "lost of the touch", "paper": "above all moto
 
 
 def write_picture(found: Design, path: Path, rule: Rule = "touch") -> None:
-    """Write a bar chart of error against number of motors, with the recommended number marked.
+    """Write a bar chart of error against number of motors.
+
+    The recommended number is marked.
 
     Args:
         found: result of the design.

@@ -31,7 +31,7 @@ SLACK = 0.01  # share of a motor's range by which a recorded command may lie out
 def read_table(
     path: Path, scale: Array, ends: Array | None = None, at_rest: Array | None = None, rest_rows: Sequence[int] = ()
 ) -> SkinTable:
-    """Read a table of motor commands with sensor readings, and find its rest row.
+    """Read a table of commands with readings, and find its rest row.
 
     If `rest_rows` are given, the rest row is the one among them whose readings are nearest to their mean. Otherwise it
     is the row whose command is nearest to the device at rest. The other rows given, and all rows with the same readings

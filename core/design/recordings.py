@@ -65,7 +65,9 @@ class Recording:
         return float(np.sqrt(self._resting().var(axis=0, ddof=1).mean()))
 
     def tared(self, rest: Array) -> Array:
-        """Return the readings, shifted so that their mean at rest is the rest row of a table.
+        """Return the readings, shifted to the rest row of a table.
+
+        After the shift the mean of the readings at rest is the rest row.
 
         The shift compensates for the sensor's drift from day to day. If the interval of rest is unknown, the readings
         are returned unchanged.

@@ -133,7 +133,7 @@ def as_text(found: Design) -> str:
 
 
 def _headline(found: Design) -> list[str]:
-    """Return the number of motors in sentences, or the reason why there is none.
+    """Return the number of motors, or why there is none, in sentences.
 
     If the commands are not of low rank, a warning comes first.
     """

@@ -1,4 +1,4 @@
-"""Reading and checking of an imported file with columns of a sensor's readings."""
+"""Reading and checking of imported files with a sensor's readings."""
 
 from __future__ import annotations
 

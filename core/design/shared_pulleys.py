@@ -78,7 +78,7 @@ def with_shared(parts: Components, commands: Array, k: int, groups: Sequence[Seq
 def shared_pulleys(
     table: SkinTable, sensed: Sequence[Array], commands: Sequence[Array], found: Reduction, motors: int
 ) -> SharedPulleys:
-    """Find the original motors that may share a pulley, and the additional error.
+    """Find original motors that may share a pulley, and the added error.
 
     Args:
         table: effect of the device on the skin.

@@ -1,4 +1,6 @@
-"""Synergies: the fewest motors for a touch, and their coupling to the original motors.
+"""Synergies: the fewest motors for a touch, and their coupling.
+
+A new motor drives several of the original motors.
 
 Before principal components are computed, the commands are centred and divided by each motor's range, so that mm and
 degrees have equal weight. The additional error of fewer motors is judged by one of two rules. The rule 'touch' divides
@@ -111,11 +113,11 @@ class Reduction:
         return self.percent(rule).mean(axis=0)
 
     def motors(self, rule: Rule = "touch") -> int:
-        """Return the fewest motors whose mean percentage is below the rule's limit."""
+        """Return the fewest motors with a mean percentage below the limit."""
         return knee(self.mean_percent(rule), self.limit)
 
     def limits(self, rule: Rule = "touch") -> tuple[float, float]:
-        """Return the range of limits for which a rule gives the same number of motors.
+        """Return the range of limits that give the same number of motors.
 
         Returns:
             Lower end (excluded) and upper end (included), as shares.
@@ -125,7 +127,9 @@ class Reduction:
 
 
 def components(commands: Array, scale: Array) -> Components:
-    """Return the principal components of commands, centred and divided by each motor's range.
+    """Return the principal components of commands.
+
+    Commands are centred and divided by each motor's range.
 
     Args:
         commands: commands in SI units, shape (q, n).

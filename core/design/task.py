@@ -1,4 +1,7 @@
-"""Task-driven design from scenes and recordings, for the command line and the panel."""
+"""Task-driven design from scenes and recordings.
+
+The command line and the panel use these functions.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +59,9 @@ class Step:
 def sense_scene(
     scene: TactileScene, skin: SkinModel, finger: int = 0, *, noise: float = NOISE, seed: int = 0
 ) -> Generator[Step, None, NDArray[np.uint16]]:
-    """Return the readings of one finger's virtual sensor during a scene, at 100 Hz.
+    """Return the virtual sensor's readings of one finger during a scene.
+
+    The rate is 100 Hz.
 
     Args:
         scene: the scene.
@@ -95,7 +100,9 @@ def sense_touch(touch: SkinContact, *, noise: float = NOISE, seed: int = 0) -> N
 
 
 def load_table(spec: DeviceSpec, file: Path, rest_rows: Sequence[int] = ()) -> SkinTable:
-    """Load a device's table: a recorded one from .csv, a collected one from any other file.
+    """Load a device's table from a file.
+
+    A recorded table is read from .csv, a collected one from any other file.
 
     Args:
         rest_rows: rows of a recorded table in which nothing is touched, counted from 1 below the line of names.
@@ -128,7 +135,9 @@ def table_for(
     adaptive: bool = False,
     noise: float = NOISE,
 ) -> Generator[Step, None, SkinTable]:
-    """Compute a device's table by a sweep; see `collect` for the other arguments.
+    """Compute a device's table by a sweep.
+
+    For the arguments that are not described here, see `collect`.
 
     Args:
         adaptive: whether the rows are placed where the device touches and where its readings are curved. An adaptive

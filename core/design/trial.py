@@ -55,7 +55,10 @@ def felt(skin: SkinModel, name: str, seed: int, wobble: Wobble = WOBBLE) -> Skin
 
 
 def sense(touch: SkinContact, noise: float = NOISE, seed: int = 0) -> Counts:
-    """Return the virtual sensor's readings of a touch, with noise from a seed, shape (n, 20)."""
+    """Return the virtual sensor's readings of a touch, shape (n, 20).
+
+    Noise from a seed is added.
+    """
     sensor = readings_of(touch.model)
     exact = np.tile(sensor.rest, (len(touch.times), 1))
     if len(touch.contact):
@@ -101,7 +104,10 @@ def trial(
 
 
 def exceptions(verdicts: Sequence[Verdict]) -> tuple[str, ...]:
-    """Return a line for each verdict and rule with an unexpected number of motors."""
+    """Return a line for each unexpected number of motors.
+
+    There can be one for each verdict and rule.
+    """
     lines = []
     for v in verdicts:
         for rule, found, percent in zip(RULES, v.found, v.percent, strict=True):

@@ -219,7 +219,10 @@ def _gram(both: Array, stimulus: Array, jacobian: Array, target: Array, radius: 
 
 
 def _step(gram: list[list[float]]) -> list[float] | None:
-    """Return the damped Gauss-Newton step -(J'J + D)^-1 J'r; None if J is zero."""
+    """Return the damped Gauss-Newton step -(J'J + D)^-1 J'r.
+
+    The result is None if J is zero.
+    """
     (a, b, c, u), (_, d, e, v), (_, _, f, w), _ = gram
     more = DAMPING * max(a, d, f)
     if more <= 0.0:
@@ -240,7 +243,7 @@ def _step(gram: list[list[float]]) -> list[float] | None:
 
 
 def _after(more: Minimum, start_cost: float, iterations: int, evaluations: int) -> Minimum:
-    """Add the iterations and evaluations made so far to the minimum that `minimise` found."""
+    """Add earlier iterations and evaluations to a minimum of `minimise`."""
     return replace(
         more, start_cost=start_cost, iterations=more.iterations + iterations, evaluations=more.evaluations + evaluations
     )

@@ -79,7 +79,9 @@ class PinLaw:
         return LawSkin(self.tables, self.modulus)
 
     def moved_by(self, force: Array, amounts: Array | None = None) -> Floats32:
-        """Return the displacement of the free nodes by the law [m], shape (3 free,).
+        """Return the displacement of the free nodes by the law [m].
+
+        The shape is (3 free,).
 
         Args:
             force: forces on the pad nodes [N], shape (3 m,).
@@ -90,7 +92,9 @@ class PinLaw:
         return self.tables.state(load, given)
 
     def goal(self, moved: Floats32, less: Floats32) -> Array:
-        """Return the weighted target displacement for linear skin [m], shape (3 n,).
+        """Return the weighted target displacement for linear skin [m].
+
+        The shape is (3 n,).
 
         Args:
             moved: displacement of the virtual touch by the law [m], shape (3 free,).
@@ -99,12 +103,17 @@ class PinLaw:
         return (moved + less).astype(np.float64)[self.chosen] * self.weights
 
     def apart(self, first: Floats32, second: Floats32) -> float:
-        """Return the weighted RMS distance between two displacements over the compared nodes [m]."""
+        """Return the weighted RMS distance between two displacements [m].
+
+        Only the compared nodes count.
+        """
         off = (first - second).astype(np.float64)[self.chosen] * self.weights
         return float(np.sqrt(off @ off / (len(off) // 3)))
 
     def follow(self, law: LawSkin, before: LawState, forces: Callable[[Floats32], Array]) -> PinLook:
-        """Alternate between pin forces and the law until the law's residual is small.
+        """Alternate between pin forces and the law until both agree.
+
+        They agree if the residual of the law is small.
 
         The loop also ends when no step lowers the residual further, or after `MOST_LOOKS` evaluations of the law. The
         correction of least residual is then kept. If this residual is above `USABLE`, the result is that of linear

@@ -40,7 +40,10 @@ class Axes:
         return self.left + self.width * (np.asarray(values, dtype=np.float64) - low) / (high - low)
 
     def y(self, values: ArrayLike) -> Array:
-        """Return the vertical positions of values on the canvas, downwards [points]."""
+        """Return the vertical positions of values on the canvas [points].
+
+        They are measured downwards.
+        """
         low, high = self.ylim
         return self.top + self.height * (high - np.asarray(values, dtype=np.float64)) / (high - low)
 
@@ -64,7 +67,7 @@ class Axes:
     def grid(
         self, across: str, up: str, *, most: tuple[int, int] = (8, 5), factor: float = 1.0, colour: str = INK
     ) -> None:
-        """Draw lines and numbers at round values, the frame, and the names of the axes.
+        """Draw a grid at round values, with labels, frame and axis names.
 
         Args:
             across, up: names of the horizontal and the vertical axis.
@@ -90,13 +93,18 @@ class Axes:
         draw.text((self.left + self.right) / 2, self.bottom + 29, across, SMALL, FAINT, "middle")
 
     def level(self, value: float) -> None:
-        """Draw a dashed line at a value of y, if the value lies between the limits of y."""
+        """Draw a dashed line at a value of y.
+
+        It is drawn only if the value lies between the limits of y.
+        """
         if self.ylim[0] <= value <= self.ylim[1]:
             y = float(self.y(value))
             self.canvas.line(self.left, y, self.right, y, LIMIT, 1.0, 4.0)
 
     def between(self, x: Array, low: Array, high: Array, colour: str) -> None:
-        """Fill the area between two curves over rising x with strips about one point wide.
+        """Fill the area between two curves over rising x.
+
+        It is filled with strips about one point wide.
 
         It is to be called before a curve in the area is drawn.
         """

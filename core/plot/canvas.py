@@ -43,11 +43,17 @@ class Canvas(Protocol):
         """Draw a polyline through points."""
 
     def text(self, x: float, y: float, text: str, size: float, colour: Colour, anchor: Anchor = "start") -> None:
-        """Write a text with its base line at y; `size` is the height of a capital letter."""
+        """Write a text with its base line at y.
+
+        `size` is the height of a capital letter.
+        """
 
 
 class SvgCanvas:
-    """Canvas that writes SVG, with three decimals, so that equal plots give equal texts."""
+    """Canvas that writes SVG.
+
+    Numbers have three decimals, so that equal plots give equal texts.
+    """
 
     def __init__(self, width: float, height: float) -> None:
         self._parts = [

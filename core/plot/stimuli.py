@@ -1,4 +1,7 @@
-"""Picture of stimuli in three components: three views of a cloud of dots and of lines."""
+"""Picture of stimuli in three components.
+
+It has three views of a cloud of dots and of lines.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +59,9 @@ def draw(
 
 
 def write(path: Path, cloud: Array, configuration: Array, lines: Mapping[str, Array], title: str, words: str) -> Path:
-    """Write the picture as PNG or, for a name that ends in .svg, as SVG; see `draw`.
+    """Write the picture as PNG or SVG; see `draw`.
+
+    It is SVG if the name ends in .svg.
 
     Raises:
         DermisError: the file cannot be written.

@@ -73,7 +73,9 @@ def png(
     scale: float = 2.0,
     spread: Array | None = None,
 ) -> bytes:
-    """Return a track's plot as the bytes of a PNG file; arguments as in `write_png`.
+    """Return a track's plot as the bytes of a PNG file.
+
+    The arguments are those of `write_png`.
 
     Args:
         spread: half the width of a band about each curve, shape (n, channels). It is not drawn for maps of pins.
@@ -145,7 +147,10 @@ def _heading(track: CommandTrack, shaded: bool, doubted: bool, canvas: Canvas) -
 
 
 def _likeness(channel: Channel) -> tuple[str, str]:
-    """Return the key of the channels that share a scale: unit, and name without the last part."""
+    """Return the key of the channels that share a scale.
+
+    It is the unit, and the name without its last part.
+    """
     return channel.unit, channel.name.rpartition("_")[0] or channel.name
 
 
@@ -167,7 +172,10 @@ def _range(channel: Channel, values: Array) -> tuple[float, float]:
 
 
 def _shown_unit(unit: str, largest: float) -> tuple[float, str]:
-    """Return size and name of the unit with the prefix that suits the largest value."""
+    """Return the unit with the prefix that suits the largest value.
+
+    The results are the size of the unit and its name.
+    """
     if unit == "1":
         return 1.0, ""
     if unit in _SCALED:

@@ -1,4 +1,6 @@
-"""Observation: stress, electrodes or total force, by which touches are compared.
+"""Observation: stress, electrodes or total force of a touch.
+
+Touches are compared by these quantities.
 
 On linear skin, an observation is a matrix applied to the contact forces. On neo-Hookean skin, the matrix gives the
 values of linear skin for the same forces, and the law gives the difference. For stress, the field is projected onto the
@@ -86,7 +88,10 @@ class Observer:
 
 
 def skin_key(skin: SkinModel) -> str:
-    """Return the key of a skin with its tissue model; the key does not depend on E and alpha."""
+    """Return the key of a skin with its tissue model.
+
+    The key does not depend on E and alpha.
+    """
     return cache_key(skin.key, "law") if skin.follows_law else skin.key
 
 

@@ -56,7 +56,10 @@ class StressTable:
         return [root for root in roots.tolist() if root not in self._known]
 
     def learn(self, cells: Indices) -> Iterator[None]:
-        """Compute the tables of loaded cells that are not known yet; yields after every few cells."""
+        """Compute the tables of loaded cells that are not known yet.
+
+        It yields after every few cells.
+        """
         new = self.unknown(cells)
         for start in range(0, len(new), TOGETHER):
             self._learn(new[start : start + TOGETHER])
@@ -115,7 +118,10 @@ class StressTable:
         np.add(out, self._sum(which[probe], parts[source], force[source], probe, len(which)), out=out)
 
     def _learn(self, roots: list[int]) -> None:
-        """Compute the stress at all points for unit forces spread evenly over cells of level 0."""
+        """Compute the stress at all points for unit forces on cells.
+
+        The forces are spread evenly over cells of level 0.
+        """
         count = len(self.probes)
         for start in range(0, len(roots), TOGETHER):
             some = roots[start : start + TOGETHER]
@@ -175,7 +181,9 @@ def _added(
     count: int,
     poisson: float,
 ) -> Array:
-    """Sum the stress of point forces on a half-space by rows, shape (count, 6).
+    """Sum the stress of point forces on a half-space by rows.
+
+    The result has the shape (count, 6).
 
     The stress is that of Boussinesq and Cerruti, [Pa].
 

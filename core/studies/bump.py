@@ -142,7 +142,9 @@ def picture(found: Bump) -> bytes:
 
 
 def write(found: Bump, folder: Path) -> tuple[Path, Path]:
-    """Write table and picture into a folder, each atomically, and return their paths.
+    """Write table and picture into a folder and return their paths.
+
+    Each file is written atomically.
 
     Raises:
         DermisError: the folder cannot be written.

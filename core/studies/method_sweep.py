@@ -66,7 +66,9 @@ def sweep_methods(
     methods: Sequence[Method] = METHODS,
     slide: float = SLIDE,
 ) -> Generator[Progress, None, tuple[Swept, ...]]:
-    """Match every combination of depth, friction and direction by every method.
+    """Match every combination of parameters by every method.
+
+    The parameters are depth, friction and direction.
 
     Progress is yielded, and a `Swept` for each stimulus is returned.
 
@@ -179,7 +181,9 @@ def picture(found: Sequence[Swept], title: str) -> bytes:
 
 
 def write(found: Sequence[Swept], spec: DeviceSpec, skin: SkinModel, folder: Path) -> tuple[Path, Path]:
-    """Write table and picture into a folder, each atomically, and return their paths.
+    """Write table and picture into a folder and return their paths.
+
+    Each file is written atomically.
 
     Raises:
         DermisError: the folder cannot be written.

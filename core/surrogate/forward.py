@@ -125,14 +125,20 @@ class DirectModel:
         return self._felt[1]
 
     def solution(self, x: Array) -> DiscSolution:
-        """Return the solved contact on linear skin, with the current correction of the contact."""
+        """Return the solved contact on linear skin.
+
+        The current correction of the contact is added.
+        """
         key = x.tobytes()
         if self._last is None or self._last[0] != key:
             self._last = (key, self.contact.tried(placed(self.device, self.device.pose(x))))
         return self._last[1]
 
     def looked(self, x: Array) -> DiscSolution:
-        """Return the contact solved by the law; later evaluations use the correction found here."""
+        """Return the contact solved by the law.
+
+        Later evaluations use the correction found here.
+        """
         if self.contact.law is None:
             return self.solution(x)
         key = x.tobytes()

@@ -29,7 +29,7 @@ DECAY = 1e-6  # factor of the squared weights of the hidden layer, relative to t
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Network y = V softplus(A s + a) + b, where s are the standardised inputs.
+    """Network y = V softplus(A s + a) + b with standardised inputs s.
 
     Attributes:
         centre, scale: mean and scale of the inputs, shape (p,).
@@ -102,7 +102,9 @@ def train(
     seed: int = 0,
     report: Report | None = None,
 ) -> Network:
-    """Train a network on a table; the same table and seed give the same network.
+    """Train a network on a table.
+
+    The same table and seed give the same network.
 
     Only the weights of the hidden layer are optimised by L-BFGS. In each step the output weights are the optimal ones
     for this hidden layer. This saves many steps compared with an optimisation of both.

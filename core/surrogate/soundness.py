@@ -1,4 +1,7 @@
-"""Checks of a surrogate from files: shapes, finite values, and a trial evaluation."""
+"""Checks of a surrogate from files.
+
+They are checks of shapes and of finite values, and a trial evaluation.
+"""
 
 from __future__ import annotations
 
@@ -78,7 +81,9 @@ def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
 
 
 def try_out(model: ForwardModel, poses: Iterable[Array], where: str) -> None:
-    """Evaluate a model at some poses, to detect failures before a sequence begins.
+    """Evaluate a model at some poses, to detect failures early.
+
+    This is done before a sequence begins.
 
     Raises:
         DermisError: an evaluation fails, or its result has a wrong shape or values that are not finite.

@@ -88,7 +88,9 @@ def adapt(
     iterations: int = ITERATIONS,
     report: Callable[[str, int, int], None] | None = None,
 ) -> Generator[tuple[str, int, int], None, Surrogate]:
-    """Make a surrogate for a skin: record movements, find descriptors and fit both models.
+    """Make a surrogate for a skin.
+
+    Movements are recorded, descriptors are found, and both models are fitted.
 
     Yields (stage, done, total) and returns the surrogate.
 
@@ -140,7 +142,9 @@ def adapt(
 
 
 def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
-    """Write NAME.npz and NAME.onnx and return their paths; `path` is either of them or NAME.
+    """Write NAME.npz and NAME.onnx and return their paths.
+
+    `path` is either of the two, or NAME.
 
     Raises:
         DermisError: the network was read from a file, or a file cannot be written.

@@ -32,7 +32,9 @@ class Surrogate:
     meta: Mapping[str, Any]
 
     def model(self, device: DiscDevice, skin: SkinModel, contact: DiscContact, kind: str = "network") -> LearnedModel:
-        """Return the forward model of a device on a skin of the same shape and of any stiffness.
+        """Return the forward model of a device on a skin of the same shape.
+
+        The skin can have any stiffness.
 
         Args:
             device: the device.

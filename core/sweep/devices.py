@@ -86,7 +86,10 @@ def prepare(
 
 
 def _skins(row: Row, library: Library) -> list[str]:
-    """Return the skins that a row needs; an empty list for a row that will be refused."""
+    """Return the skins that a row needs.
+
+    The list is empty for a row that will be refused.
+    """
     assert row.scene is not None
     try:
         scene, _, _ = varied(scene_file.load(row.scene), row.given["values"], row.given["finger"], library)
@@ -132,7 +135,7 @@ def varied(
 
 
 def _settings(kind: str, values: Mapping[str, Value], where: str) -> dict[str, Any]:
-    """Return the settings of one kind, after a check of each value by its parameter."""
+    """Return the settings of one kind, checked by their parameters."""
     found = {}
     for key, value in values.items():
         first, _, name = key.partition(".")

@@ -77,7 +77,9 @@ def _check(values: Mapping[str, Value], where: str) -> None:
 def prepare(
     wanted: Sequence[Row], spec: Spec, _library: Library, executor: JobExecutor, _stack: ExitStack, folder: Path
 ) -> Generator[Progress, None, Callable[[Row], Asked]]:
-    """Compute the tables of the platforms and the readings of shared touches; yields progress.
+    """Compute tables of platforms and readings of shared touches.
+
+    Progress is yielded.
 
     Both are kept in folders, so that an interrupted sweep continues with the missing ones.
 
@@ -152,7 +154,9 @@ def figures(verdict: Verdict) -> dict[str, Value]:
 
 
 def verdict_of(columns: Mapping[str, Value]) -> Verdict:
-    """Return the verdict in a row of the sweep's table; the inverse of `figures`.
+    """Return the verdict in a row of the sweep's table.
+
+    This is the inverse of `figures`.
 
     Raises:
         KeyError: a column is missing.

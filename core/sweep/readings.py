@@ -1,4 +1,7 @@
-"""Sensor readings in the interactions of [S2], computed once for all platforms of a sweep."""
+"""Sensor readings in the interactions of [S2].
+
+They are computed once for all platforms of a sweep.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,9 @@ PARTS = ("tilt", "depth", "shift", "amplitude")  # attributes of a wobble that a
 def readings(
     rows: Sequence[Row], executor: JobExecutor, folder: Path
 ) -> Generator[Progress, None, Mapping[str, NDArray[Any]]]:
-    """Compute the readings of the touches that several rows share; yields progress.
+    """Compute the readings of the touches that several rows share.
+
+    Progress is yielded.
 
     Each touch is computed once, and its readings are kept in a folder.
 

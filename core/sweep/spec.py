@@ -46,12 +46,18 @@ class Spec:
     where: str = field(default="sweep")
 
     def variants(self) -> Iterator[dict[str, Value]]:
-        """Yield every combination of the varied parameters; the last varies fastest."""
+        """Yield every combination of the varied parameters.
+
+        The last parameter varies fastest.
+        """
         for values in product(*self.vary.values()):
             yield dict(zip(self.vary, values, strict=True))
 
     def values(self, key: str) -> tuple[Value, ...]:
-        """Return the values of a parameter; an empty tuple if the parameter does not vary."""
+        """Return the values of a parameter.
+
+        The tuple is empty if the parameter does not vary.
+        """
         return self.vary.get(key, ())
 
 

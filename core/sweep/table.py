@@ -27,7 +27,10 @@ def path_of(folder: Path, row: Row) -> Path:
 
 
 def kept(folder: Path, row: Row) -> Figures | None:
-    """Return a row's figures from an earlier run; None if their file is missing or damaged."""
+    """Return a row's figures from an earlier run.
+
+    The result is None if their file is missing or damaged.
+    """
     try:
         found = read_json(path_of(folder, row))
     except DermisError:
@@ -46,7 +49,9 @@ def keep(folder: Path, row: Row, figures: Figures) -> None:
 
 
 def write(folder: Path, rows: Sequence[Row], found: Mapping[str, Figures], study: str) -> list[Path]:
-    """Write the table of all rows in their order and return the paths of its files.
+    """Write the table of all rows and return the paths of its files.
+
+    The rows keep their order.
 
     A refused row has a reason instead of figures. A row that is not computed yet has neither.
 

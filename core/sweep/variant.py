@@ -1,4 +1,4 @@
-"""Parameters of variants: check of their keys, and device presets with changed dimensions."""
+"""Parameters of variants: their keys, and changed device presets."""
 
 from __future__ import annotations
 

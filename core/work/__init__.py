@@ -1,1 +1,1 @@
-"""Work in other processes: their start and end, and the jobs that they run."""
+"""Work in other processes: their start and end, and their jobs."""

@@ -172,7 +172,10 @@ def follow_parent(gone: Callable[[], None], take: Callable[[bytes], object] = le
 
 
 def close_at_exit(owner: Owner) -> None:
-    """Close an owner of child processes when Python ends, if the owner still exists then."""
+    """Close an owner of child processes when Python ends.
+
+    Nothing is done if the owner no longer exists then.
+    """
     _owners.add(owner)
 
 

@@ -1,4 +1,6 @@
-"""ClusterExecutor: jobs on other machines, by the workers of a dask scheduler.
+"""ClusterExecutor: jobs by the workers of a dask scheduler.
+
+The workers can be on other machines.
 
 dask transports only texts and bytes. A function is sent by its name, so scheduler and workers need this engine under
 the same package name. Large arrays are identified by a hash of their content and sent to each worker once. If a worker
@@ -151,7 +153,9 @@ class ClusterExecutor(JobExecutor):
     def submit(  # type: ignore[override]
         self, name: str, arrays: Arrays | None = None, parameters: Mapping[str, Any] | None = None
     ) -> JobFuture:
-        """See `JobExecutor.submit`; files that parameters name must be accessible to the workers.
+        """See `JobExecutor.submit`.
+
+        Files that parameters name must be accessible to the workers.
 
         Raises:
             DermisError: code 'no-scheduler': the scheduler has gone.
@@ -208,7 +212,9 @@ class ClusterExecutor(JobExecutor):
             self.unlike.add(words)
 
     def _held(self, array: NDArray[Any]) -> str:
-        """Send an array to the workers, which keep it as long as a job needs it; return its hash.
+        """Send an array to the workers and return its hash.
+
+        A worker keeps the array as long as a job needs it.
 
         A read-only array is hashed only once, for all jobs that need it.
         """

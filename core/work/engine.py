@@ -76,7 +76,10 @@ def unlike(theirs: Mapping[str, str]) -> str:
 
 
 def _digest(folder: Path, *patterns: str) -> str:
-    """Return a hash of the contents and names of files, independent of line ends."""
+    """Return a hash of the contents and names of files.
+
+    It does not depend on line ends.
+    """
     sha = hashlib.sha256()
     files = {path.relative_to(folder).as_posix(): path for pattern in patterns for path in folder.glob(pattern)}
     for name in sorted(files):

@@ -33,11 +33,16 @@ class JobFuture(Future[dict[str, NDArray[Any]]]):
         self._ending = threading.Lock()  # held while a job is ended, so that the next one is not ended in its place
 
     def progress(self) -> tuple[int, int]:
-        """Return the job's progress as (done, total); (0, 0) before its first report."""
+        """Return the job's progress as (done, total).
+
+        It is (0, 0) before the first report.
+        """
         return self._progress
 
     def follow(self) -> Iterator[tuple[int, int]]:
-        """Yield the progress at least every `POLL_SECONDS` until the job has ended.
+        """Yield the progress until the job has ended.
+
+        A value is yielded at least every `POLL_SECONDS`.
 
         Closing the generator early cancels the job.
         """
@@ -71,7 +76,9 @@ class JobFuture(Future[dict[str, NDArray[Any]]]):
         self._progress = (int(done), int(total))
 
     def ends_by(self, end: Callable[[], None] | None) -> None:
-        """Set the function that ends the running job, from any thread; for executors.
+        """Set the function that ends the running job; for executors.
+
+        It may be called by any thread.
 
         None means that the job has left its worker. If the job was cancelled before, the function is called at once.
         """
@@ -81,7 +88,10 @@ class JobFuture(Future[dict[str, NDArray[Any]]]):
                 end()
 
     def fail(self, error: Exception) -> None:
-        """Set the job's error, or `CancelledError` if the job was cancelled; for executors."""
+        """Set the job's error; for executors.
+
+        If the job was cancelled, the error is `CancelledError` instead.
+        """
         self.set_exception(CancelledError() if self._unwanted else error)
 
 

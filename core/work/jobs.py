@@ -1,4 +1,7 @@
-"""Jobs by name: functions from arrays and plain values to arrays; nothing is pickled."""
+"""Jobs by name: functions from arrays and plain values to arrays.
+
+Nothing is pickled.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,9 @@ _CORE = __package__.rpartition(".")[0]
 
 @dataclass(frozen=True)
 class Job:
-    """A job: its name in a table, arrays, and parameters that JSON can represent.
+    """A job: its name in a table, arrays, and plain parameters.
+
+    JSON can represent the parameters.
 
     Raises:
         DermisError: code 'no-such-job': the name is not in the table; 'not-plain': Python objects among the inputs.

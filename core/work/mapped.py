@@ -91,7 +91,10 @@ class MappedRecord:
         return int(max(numbers))
 
     def get(self) -> tuple[int, bytes] | None:
-        """Return number and data of the newest complete record; None before the first."""
+        """Return number and data of the newest complete record.
+
+        The result is None before the first record.
+        """
         found = max((self._slot(k) for k in (0, 1)), key=lambda s: s[0])
         return found if found[0] else None
 

@@ -25,7 +25,9 @@ MAX_HEAD = 1 << 26  # [bytes] largest size of the plain values; among them are p
 
 
 def packed(head: Mapping[str, Any], arrays: Arrays) -> bytes:
-    """Return plain values and arrays as bytes: an .npz file that also contains a JSON text.
+    """Return plain values and arrays as bytes.
+
+    The bytes are an .npz file that also contains a JSON text.
 
     Raises:
         DermisError: an array contains Python objects.

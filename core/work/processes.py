@@ -39,7 +39,9 @@ def cores() -> int:
 
 
 class ProcessExecutor(JobExecutor):
-    """Pool of child processes, which start on demand and end with this process.
+    """Pool of child processes.
+
+    They start on demand and end with this process.
 
     Cancelling a running job ends its process; the next job starts another.
 
@@ -76,7 +78,7 @@ class ProcessExecutor(JobExecutor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Refuse new jobs, and end the processes when the submitted jobs are finished.
+        """Refuse new jobs, and end the processes after the submitted jobs.
 
         Args:
             wait: whether to return only when the processes have ended.
@@ -179,7 +181,9 @@ class _Worker(ChildProcess):
 
 
 def serve(table: Table = JOBS) -> int:
-    """Run the jobs requested through the parent pipe; this is the child's main function.
+    """Run the jobs that the parent requests through the pipe.
+
+    This is the main function of a child.
 
     When the parent has gone, the process ends at once, even during a job.
     """

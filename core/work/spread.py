@@ -1,4 +1,7 @@
-"""Many jobs in parallel, submitted a few at a time, so that only few inputs are in memory."""
+"""Many jobs in parallel, submitted a few at a time.
+
+Only few inputs are therefore in memory.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,10 @@ Key = TypeVar("Key")
 
 
 class Asked(NamedTuple):
-    """A job to be submitted: its name, arrays and parameters, see `JobExecutor.submit`."""
+    """A job to be submitted: its name, arrays and parameters.
+
+    See `JobExecutor.submit`.
+    """
 
     name: str
     arrays: Arrays

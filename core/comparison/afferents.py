@@ -36,6 +36,7 @@ JND, REFERENCE_FORCE = 0.07, 1.0
 HELD = 1.0  # [s] duration of the two calibration presses; the skin is pressed in during the first frame
 # Both kinds have the same noise, and it does not grow with the response: in each trial SA1 and RA afferents repeat the
 # number of their impulses to within 1, however large it is. Source: Vega-Bermudez and Johnson 1999, J. Neurophysiol. 81
+#
 # FAST_OVER_SLOW: impulses of an FA I afferent in a frame in which the strain changes by some amount, relative to those
 # of an SA I afferent in a frame with this amount as mean strain; assumed
 FAST_OVER_SLOW = 1.0
@@ -80,10 +81,8 @@ class Afferents:
     def strain(self, states: Sequence[Stimulus]) -> Array:
         """Return the strain at every probe for some states, as a stress [Pa].
 
-        The shape is (n, probes).
-
-        It is sqrt(2 E U), with Young's modulus E and the strain energy density U, which SA1 afferents follow.
-        Source: Dandekar, Raju and Srinivasan 2003, J. Biomech. Eng. 125.
+        The values are sqrt(2 E U), shape (n, probes), with Young's modulus E and the strain energy density U. SA1
+        afferents follow this energy. Source: Dandekar, Raju and Srinivasan 2003, J. Biomech. Eng. 125.
         """
         material = self.skin.material
         energy = np.array([stored(state.probe_stress, material) for state in states])

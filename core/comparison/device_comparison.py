@@ -1,8 +1,6 @@
 """Comparison of devices for one touch of one finger.
 
-The touch is rendered by every device preset that fits.
-
-Each device is judged by its own measures, see `measures`.
+The touch is rendered by every device preset that fits. Each device is judged by its own measures, see `measures`.
 """
 
 from __future__ import annotations
@@ -140,10 +138,9 @@ def floor_in(
 ) -> Generator[Progress, None, Floor | None]:
     """Find the floor of a device for a touch; yields progress.
 
-    The floor is the least error of any pose of the device, see `matching.floor`.
-
-    None is returned for a device of a kind without a floor, see `SEARCHED`, and if nothing is touched. The floor of a
-    hexapod does not depend on its matching method, so it is also computed for one that uses a look-up table.
+    The floor is the least error of any pose of the device, see `matching.floor`. None is returned for a device of a
+    kind without a floor, see `SEARCHED`, and if nothing is touched. The floor of a hexapod does not depend on its
+    matching method, so it is also computed for one that uses a look-up table.
 
     Raises:
         DermisError: the device cannot touch this finger.

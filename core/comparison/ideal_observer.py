@@ -1,11 +1,9 @@
 """Ideal observer: discrimination of two touches from all afferents.
 
-The observer uses the whole response, without loss.
-
-A pair of rendered touches is judged in two respects. *Told apart*: any difference between the two responses counts.
-*Taken for*: the observer knows the real touches, and only the part of the difference along the difference of the real
-responses counts. If a device renders two touches differently, but not in the direction in which the real touches
-differ, its score is high in the first respect and low in the second.
+The observer uses the whole response, without loss. A pair of rendered touches is judged in two respects. *Told apart*:
+any difference between the two responses counts. *Taken for*: the observer knows the real touches, and only the part of
+the difference along the difference of the real responses counts. If a device renders two touches differently, but not
+in the direction in which the real touches differ, its score is high in the first respect and low in the second.
 """
 
 from __future__ import annotations
@@ -61,9 +59,8 @@ def told(first: Array, second: Array, noise: float, real: tuple[Array, Array] | 
 def _along(direction: Array, first: Array, second: Array, noise: float) -> float:
     """Return d' along a direction.
 
-    It is the distance of the means, divided by the standard deviation.
-
-    The variance is that of the noise plus that of the repetitions.
+    It is the distance of the means, divided by the standard deviation. The variance is that of the noise plus that
+    of the repetitions.
     """
     size = float(np.linalg.norm(direction))
     if size <= 0.0:

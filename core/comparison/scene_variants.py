@@ -236,10 +236,8 @@ def _middles(chunks: Iterable[Chunk]) -> dict[str, Array]:
 def _half_way(poses: Array) -> Array:
     """Return the poses half-way between consecutive ones.
 
-    The shape is (count, n - 1, 4, 4).
-
-    Rotation, scale and position are interpolated separately. A pose of scale 0 has no rotation; beside it, the linear
-    maps of the two poses are averaged instead.
+    The shape is (count, n - 1, 4, 4). Rotation, scale and position are interpolated separately. A pose of scale 0
+    has no rotation; beside it, the linear maps of the two poses are averaged instead.
 
     Args:
         poses: the poses, shape (count, n, 4, 4).
@@ -279,11 +277,10 @@ def _middle(values: Array, known: NDArray[np.bool_]) -> Array:
 def _bent(bends: Array, known: NDArray[np.bool_]) -> Array:
     """Return the chord's midpoint minus the curve's, between neighbours.
 
-    The result has the shape (count, n - 1, k).
-
-    The curve is a parabola. Its second difference is the mean of the second differences at both neighbours if they
-    agree, and smaller if they differ. It is 0 if one of them is 0 or unknown, or if their scalar product is not
-    positive. At each end of the series, the only second difference next to the interval is used for both neighbours.
+    The result has the shape (count, n - 1, k). The curve is a parabola. Its second difference is the mean of the
+    second differences at both neighbours if they agree, and smaller if they differ. It is 0 if one of them is 0 or
+    unknown, or if their scalar product is not positive. At each end of the series, the only second difference next
+    to the interval is used for both neighbours.
 
     Args:
         bends: second differences, shape (count, n - 2, k).

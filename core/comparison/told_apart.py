@@ -249,9 +249,7 @@ class LookedAt:
     def read(self, afferents: Afferents, states: Sequence[Stimulus]) -> list[Array]:
         """Return the response to each touch.
 
-        `states` are the states of the skin at `samples`.
-
-        After the end of a touch the strain is zero.
+        `states` are the states of the skin at `samples`. After the end of a touch the strain is zero.
         """
         strain, within = afferents.strain(states), self.first >= 0
         at = np.searchsorted(self.samples, self.first[within])
@@ -264,9 +262,8 @@ class LookedAt:
 def real_states(skin: SkinContact, samples: NDArray[np.intp]) -> list[Stimulus]:
     """Return the stimuli of the real touch at some samples.
 
-    They are computed from the nodal forces.
-
-    The stimuli of devices are computed from nodal forces as well, so that both are comparable.
+    They are computed from the nodal forces. The stimuli of devices are computed from nodal forces as well, so that
+    both are comparable.
     """
     return [Stimulus(skin.model, skin.force_at(i), given=skin.amounts_at(i)) for i in samples.tolist()]
 

@@ -116,11 +116,10 @@ class Proximity:
     def _boxes_apart(self, poses: Sequence[RelativePoses], boxes: Sequence[Array]) -> Array:
         """Return lower bounds of the distances between groups and boxes.
 
-        The bounds [m] have the shape (B, n, g), for bodies, samples and groups.
-
-        A group is replaced by its bounding box in the finger's axes. Along each face normal of the body's box, the
-        distance between the two boxes is a lower bound; the largest of these is returned. It is negative where the
-        boxes overlap along all of these normals, and -inf for a body of scale 0.
+        The bounds [m] have the shape (B, n, g), for bodies, samples and groups. A group is replaced by its
+        bounding box in the finger's axes. Along each face normal of the body's box, the distance between the
+        two boxes is a lower bound; the largest of these is returned. It is negative where the boxes overlap
+        along all of these normals, and -inf for a body of scale 0.
 
         Args:
             poses: poses of the bodies.
@@ -140,9 +139,8 @@ class Proximity:
     def gaps(self, b: int, i: int, poses: Mapping[int, RelativePoses], mesh: Mesh) -> Array:
         """Return lower bounds of the groups' gaps to body `b` at sample `i`.
 
-        The bounds [m] have the shape (g,).
-
-        The bounds are -inf if the body was not measured yet, or if its mesh had other faces then.
+        The bounds [m] have the shape (g,). They are -inf if the body was not measured yet, or if its mesh had other
+        faces then.
 
         Args:
             b: index of the body.
@@ -168,9 +166,7 @@ class Proximity:
     def measure(self, b: int, i: int, poses: Mapping[int, RelativePoses], mesh: Mesh, body: ContactBody) -> Array:
         """Measure the groups' gaps to body `b` and return lower bounds.
 
-        The bounds [m] have the shape (g,), and are exact below `FAR`.
-
-        The bounds are kept for `gaps`.
+        The bounds [m] have the shape (g,), are exact below `FAR`, and are kept for `gaps`.
 
         Args:
             b: index of the body.
@@ -196,9 +192,8 @@ class Proximity:
     def _travel(self, bodies: list[int]) -> dict[int, Array]:
         """Return upper bounds of each body's movement since its measurement.
 
-        The bounds [m] have the shape (n,) for each body.
-
-        The movement is the largest of any point of the body, seen from the finger, at each sample of the chunk.
+        The bounds [m] have the shape (n,) for each body. The movement is the largest of any point of the body,
+        seen from the finger, at each sample of the chunk.
         """
         if not bodies:
             return {}
@@ -236,9 +231,8 @@ def _length(vectors: Array) -> Array:
 def _size(linear: Array) -> Array:
     """Return the Frobenius norm of linear maps.
 
-    It is an upper bound of their spectral norm.
-
-    For the difference between two rotations, it is the spectral norm times the square root of two.
+    It is an upper bound of their spectral norm. For the difference between two rotations, it is the spectral norm
+    times the square root of two.
     """
     return np.asarray(np.sqrt((linear * linear).sum(axis=(-2, -1))))
 

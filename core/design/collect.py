@@ -105,11 +105,9 @@ def collect(
 def reversed_spread(spec: DeviceSpec, skin: SkinModel, rows: int = SPREAD_ROWS) -> dict[str, float]:
     """Return the effect of friction history on readings.
 
-    Rows reached from deeper positions are compared with the same rows reached from rest.
-
-    The result is kept in memory, because it does not depend on the touches. It is always computed on linear skin: with
-    the nonlinear law the deep rows would take minutes, and rows that do not converge would be counted as an effect of
-    friction.
+    Rows reached from deeper positions are compared with the same rows reached from rest. The result is kept in
+    memory, because it does not depend on the touches. It is always computed on linear skin: with the nonlinear law
+    the deep rows would take minutes, and rows that do not converge would be counted as an effect of friction.
 
     Returns:
         'rows': number of rows compared. 'rms' and 'worst': root mean square and maximum, over the rows, of the RMS

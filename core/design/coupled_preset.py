@@ -24,12 +24,11 @@ MARGIN = 0.05  # share of the needed range of a new motor that is added at each 
 def preset(found: Design, rule: Rule = "touch", motors: int | None = None, name: str = "") -> dict[str, Any]:
     """Return a device preset with fewer motors as JSON values.
 
-    The motors have the couplings that the design found.
-
-    A new motor's command runs from 0 to 1. This range covers the interactions and the safe pose, with a margin. Each
-    original command is the coupling times the new commands, plus an offset. The pulley radius of motor j on cable i is
-    therefore the radius of the original pulley times `coupling[i][j]`, divided by the new motor's travel. `safe` is
-    left out if the coupled motors cannot release a finger; `safe_findings` reports this for the written preset.
+    The motors have the couplings that the design found. A new motor's command runs from 0 to 1. This range covers
+    the interactions and the safe pose, with a margin. Each original command is the coupling times the new commands,
+    plus an offset. The pulley radius of motor j on cable i is therefore the radius of the original pulley times
+    `coupling[i][j]`, divided by the new motor's travel. `safe` is left out if the coupled motors cannot release a
+    finger; `safe_findings` reports this for the written preset.
 
     Args:
         found: result of the design.
@@ -67,7 +66,7 @@ def preset(found: Design, rule: Rule = "touch", motors: int | None = None, name:
     def nearest(original: Array) -> Array:
         """Return the new commands that are nearest to original commands.
 
-        The distance is that between the original commands, relative to the ranges of the motors.
+        The distance is measured between original commands, relative to the motors' ranges.
         """
         found = np.linalg.lstsq(matrix / parts.scale[:, None], (original - offset) / parts.scale, rcond=None)[0]
         return np.clip(found, 0.0, 1.0)

@@ -165,7 +165,7 @@ class Follower:
     def command(self, reading: Array) -> Array:
         """Return the device's commands for a reading.
 
-        They have the shape (motors,), and are not limited to the device's ranges and speeds.
+        They have the shape (motors,). The device's limits are not applied to them.
 
         Args:
             reading: readings of all channels, shape (channels,).

@@ -1,9 +1,8 @@
 """The six interactions of [S2] as scenes.
 
-A flat metal surface, moved by hand, touches the finger three times.
-
-Noise, wobble and the rule 'paper' were fixed and committed before any result was computed. The rule 'touch' was found
-with seeds 0 to 2 and committed before any other seed was judged by it. Nothing has been tuned since.
+A flat metal surface, moved by hand, touches the finger three times. Noise, wobble and the rule 'paper' were fixed and
+committed before any result was computed. The rule 'touch' was found with seeds 0 to 2 and committed before any other
+seed was judged by it. Nothing has been tuned since.
 
 Source: [S2] V.A and Fig. 4
 """

@@ -145,9 +145,7 @@ def rest_finding(table: SkinTable) -> tuple[Finding, ...]:
 def _smallest(readings: Array) -> NDArray[Any]:
     """Return readings as 16-bit integers if possible, else unchanged.
 
-    It is possible for whole counts in this range. Tables of 16-bit integers are smaller and faster.
-
-    Tables of 16-bit integers are smaller and faster.
+    It is possible for whole counts from 0 to 65535. Tables of 16-bit integers are smaller and faster.
     """
     whole = readings.astype(np.uint16) if 0.0 <= readings.min() and readings.max() < 2**16 else readings
     return whole if np.array_equal(whole, readings) else readings

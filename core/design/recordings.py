@@ -67,10 +67,8 @@ class Recording:
     def tared(self, rest: Array) -> Array:
         """Return the readings, shifted to the rest row of a table.
 
-        After the shift the mean of the readings at rest is the rest row.
-
-        The shift compensates for the sensor's drift from day to day. If the interval of rest is unknown, the readings
-        are returned unchanged.
+        After the shift the mean of the readings at rest is the rest row. The shift compensates for the sensor's
+        drift from day to day. If the interval of rest is unknown, the readings are returned unchanged.
 
         Args:
             rest: readings of the table's rest row, shape (channels,).

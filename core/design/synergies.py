@@ -1,12 +1,10 @@
 """Synergies: the fewest motors for a touch, and their coupling.
 
-A new motor drives several of the original motors.
-
-Before principal components are computed, the commands are centred and divided by each motor's range, so that mm and
-degrees have equal weight. The additional error of fewer motors is judged by one of two rules. The rule 'touch' divides
-it by the size of the touch, the rule 'paper' of [S2] by the error of all motors. The rule 'paper' is not meaningful if
-the error of all motors is smaller than the differences between a hand's repetitions: it then requires motors that
-render these differences.
+A new motor drives several of the original motors. Before principal components are computed, the commands are centred
+and divided by each motor's range, so that mm and degrees have equal weight. The additional error of fewer motors is
+judged by one of two rules. The rule 'touch' divides it by the size of the touch, the rule 'paper' of [S2] by the error
+of all motors. The rule 'paper' is not meaningful if the error of all motors is smaller than the differences between a
+hand's repetitions: it then requires motors that render these differences.
 
 Source: [S2] IV with the corrections: eq. 5 on centred commands, eq. 7 with the mean of all N columns
 """

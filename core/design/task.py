@@ -218,9 +218,8 @@ def read_sensed(paths: Sequence[Path], rest: tuple[float, float] | None = None) 
 def write(found: Design, folder: Path, *, rule: Rule = "touch", motors: int | None = None) -> tuple[Path, ...]:
     """Write the reports and the new preset; return their paths.
 
-    The files are report.txt, report.json, report.png and the preset.
-
-    No preset is written if `motors` is None and an interaction is rendered so poorly that the rule gives no number.
+    The files are report.txt, report.json, report.png and the preset. No preset is written if `motors` is None and
+    an interaction is rendered so poorly that the rule gives no number.
 
     Raises:
         DermisError: `motors` is out of range, or the folder cannot be written.

@@ -113,11 +113,9 @@ class PinLaw:
     def follow(self, law: LawSkin, before: LawState, forces: Callable[[Floats32], Array]) -> PinLook:
         """Alternate between pin forces and the law until both agree.
 
-        They agree if the residual of the law is small.
-
-        The loop also ends when no step lowers the residual further, or after `MOST_LOOKS` evaluations of the law. The
-        correction of least residual is then kept. If this residual is above `USABLE`, the result is that of linear
-        skin, and `law` returns to rest.
+        They agree if the residual of the law is small. The loop also ends when no step lowers the residual
+        further, or after `MOST_LOOKS` evaluations of the law. The correction of least residual is then kept. If
+        this residual is above `USABLE`, the result is that of linear skin, and `law` returns to rest.
 
         Args:
             law: law of the skin; it ends in the state of this frame.

@@ -104,9 +104,7 @@ class Axes:
     def between(self, x: Array, low: Array, high: Array, colour: str) -> None:
         """Fill the area between two curves over rising x.
 
-        It is filled with strips about one point wide.
-
-        It is to be called before a curve in the area is drawn.
+        It is filled with strips about one point wide. It is to be called before a curve in the area is drawn.
         """
         if len(x) < 2:
             return

@@ -1,10 +1,8 @@
 """Picture of a pin array's track: six maps above curves of two forces.
 
-The maps show the pins at six moments.
-
-The curves are the total force and the force of the hardest pressing pin. A map shows the array as its wearer would see
-it through the nail. Rows run along the finger with the tip up, columns from left to right. Each pin is a disc whose
-area and colour show its force.
+The maps show the pins at six moments. The curves are the total force and the force of the hardest pressing pin. A map
+shows the array as its wearer would see it through the nail. Rows run along the finger with the tip up, columns from
+left to right. Each pin is a disc whose area and colour show its force.
 """
 
 from __future__ import annotations

@@ -1,10 +1,8 @@
 """Observation: stress, electrodes or total force of a touch.
 
-Touches are compared by these quantities.
-
-On linear skin, an observation is a matrix applied to the contact forces. On neo-Hookean skin, the matrix gives the
-values of linear skin for the same forces, and the law gives the difference. For stress, the field is projected onto the
-stress fields of forces on linear skin, so that one matrix serves both tissues.
+Touches are compared by these quantities. On linear skin, an observation is a matrix applied to the contact forces. On
+neo-Hookean skin, the matrix gives the values of linear skin for the same forces, and the law gives the difference. For
+stress, the field is projected onto the stress fields of forces on linear skin, so that one matrix serves both tissues.
 """
 
 from __future__ import annotations

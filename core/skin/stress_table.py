@@ -183,9 +183,7 @@ def _added(
 ) -> Array:
     """Sum the stress of point forces on a half-space by rows.
 
-    The result has the shape (count, 6).
-
-    The stress is that of Boussinesq and Cerruti, [Pa].
+    The result has the shape (count, 6). The stress is that of Boussinesq and Cerruti, [Pa].
 
     Args:
         frames: axes of the tangent plane at the foot of each point, shape (k, 3, 3).

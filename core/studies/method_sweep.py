@@ -68,9 +68,8 @@ def sweep_methods(
 ) -> Generator[Progress, None, tuple[Swept, ...]]:
     """Match every combination of parameters by every method.
 
-    The parameters are depth, friction and direction.
-
-    Progress is yielded, and a `Swept` for each stimulus is returned.
+    The parameters are depth, friction and direction. Progress is yielded, and a `Swept` for each stimulus is
+    returned.
 
     Args:
         spec: a pin array.

@@ -1,9 +1,7 @@
 """Lessons: movements for training, and movements for testing.
 
-The movements for testing are of the same kinds, and are held out.
-
-Whole movements are held out, and they are chosen before training. Samples of one movement are too similar to be split
-between training and test.
+The movements for testing are of the same kinds, and are held out. Whole movements are held out, and they are chosen
+before training. Samples of one movement are too similar to be split between training and test.
 """
 
 from __future__ import annotations

@@ -104,10 +104,9 @@ def train(
 ) -> Network:
     """Train a network on a table.
 
-    The same table and seed give the same network.
-
-    Only the weights of the hidden layer are optimised by L-BFGS. In each step the output weights are the optimal ones
-    for this hidden layer. This saves many steps compared with an optimisation of both.
+    The same table and seed give the same network. L-BFGS optimises only the weights and biases of the hidden layer. In
+    each step the output weights are the optimal ones for this hidden layer. This saves many steps compared with an
+    optimisation of both.
 
     Args:
         table: inputs and channels.

@@ -79,9 +79,8 @@ def prepare(
 ) -> Generator[Progress, None, Callable[[Row], Asked]]:
     """Compute tables of platforms and readings of shared touches.
 
-    Progress is yielded.
-
-    Both are kept in folders, so that an interrupted sweep continues with the missing ones.
+    Progress is yielded. Tables and readings are kept in folders, so that an interrupted sweep continues with the
+    missing ones.
 
     Returns:
         Function that returns the job of a row.

@@ -38,9 +38,7 @@ def readings(
 ) -> Generator[Progress, None, Mapping[str, NDArray[Any]]]:
     """Compute the readings of the touches that several rows share.
 
-    Progress is yielded.
-
-    Each touch is computed once, and its readings are kept in a folder.
+    Progress is yielded. Each touch is computed once, and its readings are kept in a folder.
 
     Returns:
         Readings of each row's touch by the key of the row, shape (n, 20). Touches of a single row are left out, and

@@ -46,11 +46,9 @@ class Swept:
 def run_sweep(spec: Spec, library: Library, folder: Path, executor: JobExecutor) -> Generator[Progress, None, Swept]:
     """Compute the missing rows of a sweep and write its table.
 
-    A row is missing if `folder` has no file for it.
-
-    Progress is yielded, and a `Swept` is returned. Each finished row is written to a file, so a later run computes only
-    the missing rows. A refused row is kept as well, because it would be refused again. If the generator is closed
-    early, the table of the finished rows is written.
+    A row is missing if `folder` has no file for it. Progress is yielded, and a `Swept` is returned. Each finished
+    row is written to a file, so a later run computes only the missing rows. A refused row is kept as well, because
+    it would be refused again. If the generator is closed early, the table of the finished rows is written.
 
     Args:
         spec: the sweep.

@@ -51,9 +51,8 @@ def keep(folder: Path, row: Row, figures: Figures) -> None:
 def write(folder: Path, rows: Sequence[Row], found: Mapping[str, Figures], study: str) -> list[Path]:
     """Write the table of all rows and return the paths of its files.
 
-    The rows keep their order.
-
-    A refused row has a reason instead of figures. A row that is not computed yet has neither.
+    The rows keep their order. A refused row has a reason instead of figures. A row that is not computed yet has
+    neither.
 
     Raises:
         DermisError: the folder cannot be written.

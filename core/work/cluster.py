@@ -1,12 +1,10 @@
 """ClusterExecutor: jobs by the workers of a dask scheduler.
 
-The workers can be on other machines.
-
-dask transports only texts and bytes. A function is sent by its name, so scheduler and workers need this engine under
-the same package name. Large arrays are identified by a hash of their content and sent to each worker once. If a worker
-dies, the scheduler gives its jobs to others, until more than `distributed.scheduler.allowed-failures` workers (by
-default 3) have died during the same job. A job reports no progress. A running job cannot be stopped: after `cancel` it
-continues, and its result is dropped.
+The workers can be on other machines. dask transports only texts and bytes. A function is sent by its name, so scheduler
+and workers need this engine under the same package name. Large arrays are identified by a hash of their content and
+sent to each worker once. If a worker dies, the scheduler gives its jobs to others, until more than
+`distributed.scheduler.allowed-failures` workers (by default 3) have died during the same job. A job reports no
+progress. A running job cannot be stopped: after `cancel` it continues, and its result is dropped.
 
 dask is optional. It is imported only when a `ClusterExecutor` is made, and never inside Blender.
 """
@@ -214,9 +212,8 @@ class ClusterExecutor(JobExecutor):
     def _held(self, array: NDArray[Any]) -> str:
         """Send an array to the workers and return its hash.
 
-        A worker keeps the array as long as a job needs it.
-
-        A read-only array is hashed only once, for all jobs that need it.
+        A worker keeps the array as long as a job needs it. A read-only array is hashed only once, for all jobs
+        that need it.
         """
         known, data = self._hashes.get(id(array)), b""
         if known is not None and known[0]() is array:

@@ -42,9 +42,7 @@ class JobFuture(Future[dict[str, NDArray[Any]]]):
     def follow(self) -> Iterator[tuple[int, int]]:
         """Yield the progress until the job has ended.
 
-        A value is yielded at least every `POLL_SECONDS`.
-
-        Closing the generator early cancels the job.
+        A value is yielded at least every `POLL_SECONDS`. Closing the generator early cancels the job.
         """
         try:
             while not wait((self,), POLL_SECONDS).done:
@@ -78,9 +76,8 @@ class JobFuture(Future[dict[str, NDArray[Any]]]):
     def ends_by(self, end: Callable[[], None] | None) -> None:
         """Set the function that ends the running job; for executors.
 
-        It may be called by any thread.
-
-        None means that the job has left its worker. If the job was cancelled before, the function is called at once.
+        It may be called by any thread. None means that the job has left its worker. If the job was cancelled
+        before, the function is called at once.
         """
         with self._ending:
             self._end = end

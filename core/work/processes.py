@@ -41,9 +41,8 @@ def cores() -> int:
 class ProcessExecutor(JobExecutor):
     """Pool of child processes.
 
-    They start on demand and end with this process.
-
-    Cancelling a running job ends its process; the next job starts another.
+    They start on demand and end with this process. Cancelling a running job ends its process; the next job starts
+    another.
 
     Args:
         workers: largest number of processes.
@@ -183,9 +182,7 @@ class _Worker(ChildProcess):
 def serve(table: Table = JOBS) -> int:
     """Run the jobs that the parent requests through the pipe.
 
-    This is the main function of a child.
-
-    When the parent has gone, the process ends at once, even during a job.
+    This is the main function of a child. When the parent has gone, the process ends at once, even during a job.
     """
     replies = os.fdopen(os.dup(1), "wb", buffering=0)
     os.dup2(2, 1)  # printed output goes to the log, not between the replies

@@ -1,7 +1,7 @@
-"""A device on the bench, moved by the streamer itself: armed, jogged, stopped, left in silence, flooded.
+"""A device under test: armed, jogged, stopped, left in silence, flooded.
 
-Everything a person's scene would send goes the way it always goes; only silence, floods and commands that no limiter
-has seen are put on the wire from here.
+The streamer sends all commands that a scene can send, so they are sent as in ordinary use. Only silences, floods and
+commands without a limiter bypass it; they are sent by this module.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from ..streamer import Streamer
 from ..virtual.link import open_any_link
 from .host import Host
 
-SAFE_MS = 100.0  # by then silence or a flood has ended in the safe state [ms]
-FLOOD_RATE = 50_000.0  # as fast as a serial line of 500,000 baud [bytes/s]
-POSE_EVERY = 0.05  # an answer that takes longer is asked for again [s]
-CONNECTING, ARMING = 6.0, 3.0  # a board that resets when its port is opened needs 2 s [s]
-NOT_ARMED = "not-armed"  # code of the refusal of a device that never was armed
-LEAVING = 2.0  # a link that is let go is closed by then [s]
-RAMPING = 600.0  # to the safe pose, at a speed that the preset declares [s]
+SAFE_MS = 100.0  # [ms] longest time from the start of a silence or a flood to the safe state
+FLOOD_RATE = 50_000.0  # [bytes/s] rate of a flood: that of a serial line of 500,000 baud
+POSE_EVERY = 0.05  # [s] time between two questions for the pose
+CONNECTING, ARMING = 6.0, 3.0  # [s] time-outs; a board that is reset when its port is opened needs 2 s to connect
+NOT_ARMED = "not-armed"  # code of the error of a device that does not arm
+LEAVING = 2.0  # [s] time-out for a link that is being closed
+RAMPING = 600.0  # [s] time-out for the ramp to the safe pose, whose speed the preset declares
 
-# Bytes that a broken program or a loose cable may put on the line, each pattern repeated as fast as the link takes.
+# Bytes that a broken program or a loose cable may put on the line. Each pattern is repeated at up to `FLOOD_RATE`.
 FLOODS: dict[str, Callable[[random.Random], bytes]] = {
     "frames of one byte": lambda _: bytes.fromhex("0001") * 256,
     "Maestro's commands": lambda _: bytes.fromhex("8400002f") * 128,
@@ -68,16 +68,15 @@ class Heard:
 
 
 class Bench:
-    """Holds a link to one device by a streamer of its own.
+    """A link to one device under test, with a streamer of its own.
 
     Args:
-        request: link, device and calibration. heed: called all the time; raises to end the walk.
-        clock, sleep: clock and sleep function of this computer.
+        request: link, device and calibration. heed: function that is called all the time; raises an error to end the
+            checks. clock, sleep: clock and sleep function of this computer.
 
     Attributes:
-        wire: the device. streamer: its mind. host: how busy this computer is.
-        tells_pose: the board reports a pose, as the adapter of the last connection says; kept while there is no link.
-        hushed: the board is asked nothing while it is not armed, see `Adapter`; kept likewise.
+        wire: description of the device. streamer: streamer of the link. host: measures the load of this computer.
+        tells_pose, hushed: as in the adapter of the last connection, see `Adapter`. They are kept without a link.
     """
 
     def __init__(
@@ -92,7 +91,7 @@ class Bench:
         self._heed, self._clock, self._sleep = heed, clock, self.host.sleep
         self._silent = self._left_alone = False
         self.tells_pose = self.hushed = False
-        made = request.calibrated()  # tested values are driven as they are: a measured curve would change them
+        made = request.calibrated()  # without measured curves, which would change the tested values
         plain = "" if made is None else made.without_curves().dumps()
         self._request = replace(request, connect=True, mode="jog", ramp=1.0, stall=60.0, calibration=plain)
         self._number = self._arms = 0
@@ -101,10 +100,10 @@ class Bench:
 
     @property
     def connection(self) -> Connection:
-        """The open link.
+        """The open connection.
 
         Raises:
-            DermisError: it is gone.
+            DermisError: there is none any more.
         """
         if self.streamer.connection is None:
             raise DermisError(self.streamer.message.rstrip(".") or f"{self._request.url} is gone")
@@ -112,24 +111,30 @@ class Bench:
 
     @property
     def native(self) -> Native | None:
-        """The native protocol's side of the link, None where the board speaks another one."""
+        """The adapter, if it is one of the native protocol; otherwise None."""
         adapter = self.streamer.connection.adapter if self.streamer.connection is not None else None
         return adapter if isinstance(adapter, Native) else None
 
     @property
     def answers(self) -> bool:
-        """Return whether the board speaks the native protocol, whether or not there is a link just now."""
+        """Whether the board uses the native protocol, even without a link."""
         return self._request.protocol == Native.name
 
     @property
     def holds_safe(self) -> bool:
-        """Return whether the safe state is a pose that the board holds; otherwise it lets go, and may be anywhere."""
+        """Whether the board holds a pose in its safe state.
+
+        Otherwise it lets the actuators go, so they may be anywhere.
+        """
         adapter = self.connection.adapter
         return self.wire.reach != Reach.RELEASE and not adapter.limp and adapter.silence.does is not Does.LETS_GO
 
     @property
     def confirmed(self) -> bool | None:
-        """Return whether the board has confirmed its safe state; None where its protocol cannot."""
+        """Whether the board has confirmed its safe state.
+
+        None: its protocol confirms none, or there is no link.
+        """
         if not self.tells_pose or self.hushed or self.streamer.connection is None:
             return None
         adapter = self.streamer.connection.adapter
@@ -139,12 +144,13 @@ class Bench:
         """Connect, and wait until the device has been recognised.
 
         Raises:
-            DermisError: it has not.
+            DermisError: the device was not recognised in time.
         """
         if self.streamer.drive is not None and self.streamer.drive.leaving:
             self.until(lambda: self.streamer.drive is None, LEAVING)
         if self.streamer.drive is None:
-            self.streamer = Streamer(open_any_link, clock=self._clock)  # one that has lost its link waits for a person
+            # A streamer that has lost its link would wait for a person.
+            self.streamer = Streamer(open_any_link, clock=self._clock)
         self._apply(connect=True, jog=self._jog(self.wire.safe), arm_id=0)
         there = (State.READY, State.STALLED)
         self.until(lambda: self.streamer.state in (*there, State.FAULT) or not self._holds, CONNECTING)
@@ -154,10 +160,10 @@ class Bench:
         self.tells_pose, self.hushed = adapter.tells_pose, adapter.hushed
 
     def arm(self) -> None:
-        """Arm at the safe pose, and wait until the ramp there is over.
+        """Arm with the safe pose as the goal, and wait until the ramp there is over.
 
         Raises:
-            DermisError: it does not arm, with the code 'not-armed'; or it disarmed itself.
+            DermisError: the device does not arm, with the code 'not-armed'; or it disarmed itself.
         """
         if self.streamer.drive is None or self.streamer.drive.leaving:
             self.connect()
@@ -172,7 +178,7 @@ class Bench:
         self._still_armed()
 
     def move(self, values: Array, seconds: float) -> None:
-        """Jog to driven values [units], shape (channels,), and give them some time [s].
+        """Jog to driven values [units], shape (channels,), and run for a time [s].
 
         Raises:
             DermisError: the device disarmed itself, or is gone.
@@ -186,11 +192,14 @@ class Bench:
         self._apply(jog=self._jog(values))
 
     def run(self, seconds: float) -> None:
-        """Let time pass as in any stream [s]."""
+        """Run the streamer for a time [s]."""
         self.until(lambda: False, seconds)
 
     def until(self, done: Callable[[], bool], seconds: float) -> float | None:
-        """Run until something holds; return how long that took [s], None where it did not."""
+        """Run until a condition holds; return the time that it took [s].
+
+        None: it did not hold within `seconds`.
+        """
         start = self._clock()
         while (now := self._clock()) - start < seconds:
             if done():
@@ -205,7 +214,7 @@ class Bench:
 
     @contextmanager
     def silent(self) -> Iterator[None]:
-        """Send nothing at all, however long that takes."""
+        """Stop the streamer inside the block, so that nothing is sent."""
         self._silent = True
         try:
             yield
@@ -213,11 +222,17 @@ class Bench:
             self._silent = False
 
     def hold(self) -> None:
-        """Take it from a person that the device has kept its pose during a silence: the stream goes on."""
+        """Continue after a silence in which the device has kept its pose.
+
+        A person has confirmed that.
+        """
         self.connection.outbox.left_at = self._clock()
 
     def believe(self, values: Array) -> None:
-        """Take it from a person that the device has gone to driven values [units] by itself."""
+        """Continue after the device has gone to driven values [units] by itself.
+
+        A person has confirmed that. The shape of the values is (channels,).
+        """
         self.hold()
         self.connection.output.limiter.begin(values, self._clock(), 0.0)
         self.head_for(values)
@@ -227,11 +242,14 @@ class Bench:
         self.streamer.stop(self._clock(), "Stopped")
 
     def silence(self, seconds: float, flood: bytes = b"") -> Heard | None:
-        """Send nothing of one's own for some time [s], or a flood; return the board's first answer after that.
+        """Keep silent, or send a flood; return the board's first answer after it.
 
-        The silence is timed where it is made: from the last message before it to the first one after it.
+        The silence lasts from the last message before it to the first message after it.
 
-        Returns: None where nobody can be asked, or nobody answers.
+        Args:
+            seconds: duration [s]. flood: bytes to send all the time instead of nothing.
+
+        Returns: None if the protocol is not the native one, or if the board does not answer.
         """
         link, native = self.connection.link, self.native
         began, began_by = self._ask(native)
@@ -242,10 +260,10 @@ class Bench:
                 sent += len(flood)
             self._sleep(min(0.001, end - now))
             for _ in link.receive():
-                pass  # refusals of the flood; nothing of the stream's own was asked
+                pass  # answers to the flood: the stream itself has asked nothing
         if native is None:
             return None
-        self._raw(b"\0")  # ends a frame that the flood has begun
+        self._raw(b"\0")  # ends the unfinished frame of a flood
         native.state = None
         ended, ended_by = self._ask(native)
         while native.state is None and self._clock() - ended_by < 0.3:
@@ -256,7 +274,10 @@ class Bench:
         return None if state is None else Heard(state, ended - began_by, ended_by - began)
 
     def pose(self) -> Array | None:
-        """Ask the board for its driven values [units]; None where it does not report them."""
+        """Ask the board for its pose in driven values [units], shape (channels,).
+
+        None: the board does not report it.
+        """
         if not self.tells_pose or self.streamer.connection is None:
             return None
         adapter = self.streamer.connection.adapter
@@ -268,7 +289,7 @@ class Bench:
 
     @contextmanager
     def slower(self, slew: Array) -> Iterator[None]:
-        """Let the board be told other speed limits [units/s] when it is armed inside the block."""
+        """Use other slew limits [units/s] for a board that is armed in the block."""
         adapter = self.connection.adapter
         usual, adapter.wire = adapter.wire, replace(adapter.wire, slew=slew)
         try:
@@ -277,11 +298,14 @@ class Bench:
             adapter.wire = usual
 
     def past_the_limiter(self, values: Array, seconds: float) -> Iterator[tuple[float, float, Array]]:
-        """Send one command that no limiter of this program has seen [units]; yield poses while it acts.
+        """Send one command without a limiter; yield the board's poses meanwhile.
 
-        The board's watchdog is fed by questions for the pose and the clock alone; the streamer stands still.
+        The streamer stands still. Questions for the pose and the clock keep the board's watchdog from acting.
 
-        Yields: when the pose was asked for, when the answer was there [s], and the pose [units].
+        Args:
+            values: command in driven values [units], shape (channels,). seconds: duration [s].
+
+        Yields: time of the question for a pose [s], time of its answer [s], and the pose [units].
         """
         link, native = self.connection.link, self.native
         assert native is not None
@@ -306,19 +330,22 @@ class Bench:
 
     @contextmanager
     def apart(self) -> Iterator[None]:
-        """Let the link go for a while, so that another program can hold it, and may leave the device anywhere."""
+        """Close the link, so that another program can use it in the block.
+
+        That program may leave the device at any pose.
+        """
         self.close()
         self._left_alone = True
         yield
 
     def bring_home(self) -> None:
-        """Find the device wherever another program, or a lost link, has left it, and bring it to its safe state.
+        """Connect again, and bring the device to its safe state from any pose.
 
         Raises:
-            DermisError: it cannot be.
+            DermisError: the device cannot be brought there, or is still armed.
         """
         self.connect()
-        if self.native is None:  # which would have told that it is safe
+        if self.native is None:  # the native protocol reports whether the device is armed; others may not
             self.arm()
             self.stop()
             self.until(lambda: self.streamer.state == State.READY, RAMPING)
@@ -327,13 +354,19 @@ class Bench:
         self._left_alone = False
 
     def close(self) -> None:
-        """Bring the device to its safe state and let it go; takes as long as that takes, and nothing ends it before."""
+        """Bring the device to its safe state and close the link.
+
+        The call returns once both are done, without a time-out.
+        """
         self.streamer.shut(self._clock())
         while not self.streamer.finished:
             self._tick(self._clock())
 
     def end(self) -> str:
-        """Leave the device safe, whatever became of it; return why that is not sure, '' where it is."""
+        """Leave the device in its safe state after any outcome.
+
+        Return why that is not certain; '' if it is.
+        """
         self._heed, self._silent = lambda: None, False
         message = ""
         if self._left_alone or (self._arms and self.streamer.drive is None):
@@ -364,7 +397,7 @@ class Bench:
 
     @property
     def _driven(self) -> bool:
-        """Return whether the device has said, or is taken to have said, that it is armed."""
+        """Whether the device is armed, or is assumed to be."""
         return self.streamer.drive is not None and self.streamer.drive.phase is Phase.LIVE
 
     @property
@@ -372,7 +405,7 @@ class Bench:
         return self.streamer.drive is not None or not self.streamer.message
 
     def _jog(self, values: Array) -> dict[str, float]:
-        """Return the values to ask for, so that the calibration turns them into the driven values."""
+        """Return the commands that the calibration turns into driven values."""
         return self.wire.named(self.wire.commanded(values))
 
     def _apply(self, **fields: Any) -> None:
@@ -381,7 +414,10 @@ class Bench:
         self.streamer.apply(self._request, self._clock())
 
     def _ask(self, native: Native | None) -> tuple[float, float]:
-        """Send a question, which is a sign of life; return the time before and after it left [s]."""
+        """Send a question, which is a sign of life.
+
+        Return the time before and after it was sent [s].
+        """
         before = self._clock()
         for message in native.ask_pose() if native is not None else ():
             self._raw(message)

@@ -1,4 +1,7 @@
-"""The checks of a built device, one after the other: the action, the question to the person, the measurement."""
+"""The acceptance checks of a built device.
+
+Each check moves or stops the device, asks a person, and measures.
+"""
 
 from __future__ import annotations
 
@@ -19,24 +22,24 @@ from .person import Person
 from .player import play_and_end
 from .report import Check, judged
 
-STOP_MS = 20.0  # by then a stop has arrived at the board [ms]
-ROUND_TRIP_MS = 20.0  # a link slower than this cannot stop in time [ms]
-RATE_SECONDS, RATE_LOSS = 5.0, 1e-3
-RATE_LATE = 0.002  # this computer is on time for a command that waits no longer than this [s] ...
-RATE_AFTER = 0.05  # ... and after a longer delay it catches up for so long, which nobody can judge [s]
-RATE_LEAST = 300  # commands that left on time: fewer say too little about one in a thousand
-SPEED_SECONDS = 2.0  # the board is told a limit that makes the movement take so long, if it is not as slow already [s]
-SPEED_WINDOW = 0.5  # a speed is taken over so long: a servo's 20 ms between two values are 4 % of it [s]
-SPEED_SLACK = 1.1
-TRIALS = 16  # silences, halved until they tell the watchdog's time to 8 ms
-MOTORS = 8  # that a person is asked about one by one
+STOP_MS = 20.0  # [ms] time within which a stop arrives at the board
+ROUND_TRIP_MS = 20.0  # [ms] a link with a longer round trip cannot stop in time
+RATE_SECONDS, RATE_LOSS = 5.0, 1e-3  # [s] duration of the check 'rate', and [1] largest part of lost commands
+RATE_LATE = 0.002  # [s] this computer is on time if it delays a command by no more than this
+RATE_AFTER = 0.05  # [s] after a longer delay it catches up for this time, in which commands are not judged
+RATE_LEAST = 300  # number of commands on time: fewer give no reliable estimate of one loss in a thousand
+SPEED_SECONDS = 2.0  # [s] the board's speed limit is lowered until the movement takes at least this long
+SPEED_WINDOW = 0.5  # [s] a speed is a mean over this time: the 20 ms between two values of a servo are 4 % of it
+SPEED_SLACK = 1.1  # [1] largest tolerated speed, as a multiple of the limit
+TRIALS = 16  # largest number of silences; they bisect the watchdog's time to 8 ms
+MOTORS = 8  # largest number of motors about which a person is asked one by one
 
 
 class Walk:
     """All checks of one device.
 
     Args:
-        bench: that the device is connected to. person: at the bench. play: arguments of `stream play` for this device.
+        bench: bench with the device. person: person at the bench. play: arguments of `stream play` for this device.
     """
 
     def __init__(self, bench: Bench, person: Person, play: list[str]) -> None:
@@ -47,7 +50,7 @@ class Walk:
         self._manner = "at once" if wire.reach == Reach.AT_ONCE else "at an even speed"
 
     def checks(self) -> dict[str, Callable[[], Iterator[Check]]]:
-        """Return every check by its name, in the order in which they are tried."""
+        """Return every check by its name, in the order of execution."""
         return {
             "link": self.link,
             "first-arm": self.first_arm,
@@ -63,7 +66,7 @@ class Walk:
         }
 
     def link(self) -> Iterator[Check]:
-        """How soon the board answers."""
+        """Measure the round trips of the link."""
         what = "a hundred questions and answers"
         if not self.bench.tells_pose:
             yield Check("link", what, "not tried", limit="this protocol has no answers")
@@ -89,7 +92,7 @@ class Walk:
         yield Check("link", what, *outcome, f"{figure}{busy}", f"p95 {ROUND_TRIP_MS:g} ms")
 
     def _round_trips(self) -> list[tuple[float, float]]:
-        """Return round trips, and how long this computer was kept from running meanwhile [s]."""
+        """Return pairs of a round trip and this computer's own delay in it [s]."""
         adapter, host = self.bench.connection.adapter, self.bench.host
         trips: list[tuple[float, float]] = []
         last = adapter.round_trip
@@ -105,7 +108,7 @@ class Walk:
         return trips
 
     def first_arm(self) -> Iterator[Check]:
-        """The first pulses, and the ramp to the safe pose."""
+        """Check the first pulses, and the ramp to the safe pose."""
         connection, spec = self.bench.streamer.connection, self.bench.wire.spec
         if connection is not None:
             for said in filter(None, (connection.adapter.caution, connection.adapter.notice)):
@@ -123,12 +126,12 @@ class Walk:
         )
 
     def motors(self) -> Iterator[Check]:
-        """Whether each channel moves its own motor, and the right way."""
+        """Check that each channel moves its own motor, in the right direction."""
         wire = self.bench.wire
         shown = range(wire.count) if wire.count <= MOTORS else (0, wire.count // 2, wire.count - 1)
         for k in shown:
             if k in self.mover.stuck:
-                continue  # it has its line
+                continue  # its failure has been reported already
             self.mover.ready()
             self.person.tell(f"{wire.names[k]} moves there and back.")
             there, goal = self.mover.there_and_back(k), self.mover.alone(k)
@@ -161,7 +164,10 @@ class Walk:
             )
 
     def _stuck(self, pose: Array | None, goal: Array) -> Iterator[Check]:
-        """Give a line for each channel that is not where it should be because it does not move, once for each."""
+        """Report each channel that is off its goal because it does not move.
+
+        A channel is reported once.
+        """
         wire = self.bench.wire
         for k in self.mover.off(pose, goal):
             if not self.mover.follows(k):
@@ -170,12 +176,12 @@ class Walk:
                 yield Check(f"motor {wire.names[k]}", "moved by itself and back", "failed", "measured", figure)
 
     def _without(self) -> str:
-        """Return words for a question: motors that are known not to move are not asked about."""
+        """Return an addition to a question that excludes the stuck motors."""
         names = ", ".join(self.bench.wire.names[k] for k in sorted(self.mover.stuck))
         return f" (Leave out {names}: known not to move.)" if names else ""
 
     def speed(self) -> Iterator[Check]:
-        """Whether the board itself limits the speed, whatever it is told."""
+        """Check that the board itself limits the speed of a command far away."""
         wire, what = self.bench.wire, "one command far away, past this program's limiter"
         if not np.isfinite(wire.slew).any():
             yield Check("speed", what, "does not apply", limit="the preset declares no speed")
@@ -193,7 +199,7 @@ class Walk:
 
         def attempt() -> bool | None:
             nonlocal figure, unit, k
-            with self.bench.slower(slew * (1.0 + 1e-9)):  # whole counts stay the same ones
+            with self.bench.slower(slew * (1.0 + 1e-9)):  # the slack makes rounding down give the same whole counts
                 if self.bench.streamer.armed:
                     self.bench.stop()
                     self.bench.run(seconds)
@@ -220,7 +226,7 @@ class Walk:
         yield Check("speed", what, *outcome, f"{figure}{busy}", limit)
 
     def stop(self) -> Iterator[Check]:
-        """Stop, from a pose away from the safe one."""
+        """Check Stop from a pose away from the safe one."""
         figure = ""
         pose: Array | None = None
 
@@ -254,16 +260,22 @@ class Walk:
         )
 
     def _at_home(self, pose: Array | None) -> dict[str, bool]:
-        """Return whether a pose [units] after a stop is the safe one, by name; empty where nothing holds it there."""
+        """Return whether a pose [units] after a stop is the safe one, by name.
+
+        The result is empty if the device does not hold its safe pose.
+        """
         return self.mover.measured(pose) if self.bench.holds_safe else {}
 
     def _stuck_at_home(self, pose: Array | None) -> Iterator[Check]:
-        """Give a line for each channel that did not go to its safe pose because it does not move."""
+        """Report each channel that is off its safe pose because it does not move."""
         if self.bench.holds_safe:
             yield from self._stuck(pose, self.bench.wire.safe)
 
     def silence(self) -> Iterator[Check]:
-        """When the board's own watchdog acts: the shortest silence after which it is safe, found by halving."""
+        """Measure the time of the board's own watchdog.
+
+        Bisection finds the shortest silence after which the board is in its safe state.
+        """
         what = "nothing is sent while armed and moved away"
         if not self.bench.answers:
             self.mover.move_away()
@@ -271,7 +283,7 @@ class Walk:
             with self.bench.silent():
                 seen = self.person.ask(f"Is it {self._home}, or has it let go, since the blink of an eye?")
             if seen:
-                self.bench.believe(self.bench.wire.safe)  # or the next command would bring it back at full speed
+                self.bench.believe(self.bench.wire.safe)  # otherwise the next command brings it back at full speed
             elif seen is False:
                 self.bench.hold()
             yield Check("silence", what, *judged(seen), limit=f"{SAFE_MS:g} ms")
@@ -300,15 +312,15 @@ class Walk:
         seen = self.person.ask(
             f"Did it go back by itself, each time, {self._manner}, and is it {self._home}?{self._without()}"
         )
-        low, high = min(low, high), max(low, high)  # a board that looks at its clock now and then is not sharper
+        low, high = min(low, high), max(low, high)  # the bounds can cross if the board checks its clock only at times
         figure = f"between {low:.0f} and {high:.0f} ms" if good is not False else f"not within {SAFE_MS:g} ms"
         outcome = judged(seen, {"safe": good is not False}, busy=good is None)
         yield Check("silence", what, *outcome, f"{figure}{busy}", f"{SAFE_MS:g} ms")
 
     def flood(self) -> Iterator[Check]:
-        """Whether rubbish on the line keeps the watchdog from acting."""
+        """Check that noise on the line does not keep the watchdog from acting."""
         what = f"{len(FLOODS)} kinds of rubbish for {SAFE_MS:g} ms each"
-        if not self.bench.answers:  # rubbish may be a position far beyond the mechanism's strength
+        if not self.bench.answers:  # the noise may be read as a position that damages the mechanism
             yield Check("flood", what, "not tried", limit="without a check sum a board takes rubbish for commands")
             return
         safe = {}
@@ -335,7 +347,7 @@ class Walk:
         yield Check("flood", what, *outcome, f"{figure}{busy}", f"{SAFE_MS:g} ms")
 
     def rate(self) -> Iterator[Check]:
-        """Whether the link and the board take commands as fast as they come."""
+        """Check that the link and the board keep up with the command rate."""
         rate, figure = self.bench.connection.output.rate, ""
         self.person.tell(f"It moves slowly to and fro for {RATE_SECONDS:g} s.")
 
@@ -345,8 +357,9 @@ class Walk:
             streamer, host = self.bench.streamer, self.bench.host
             began = clock.now()
             before, bad = dict(streamer.counters), self._at_device()
-            sent = full = 0  # that left, and that found no room, while this computer was on time
-            # A board that is told the same again and again is told next to nothing.
+            # Commands while this computer was on time: sent ones, and those for which the link had no room.
+            sent = full = 0
+            # The target keeps moving, because a repeated command may need far fewer bytes.
             while (through := clock.now() - began) < RATE_SECONDS and streamer.armed:
                 self.bench.head_for(self.mover.part(0.5 - 0.5 * np.cos(2 * np.pi * through / RATE_SECONDS)))
                 left, dropped = streamer.counters["sent"], streamer.counters["dropped"]
@@ -372,7 +385,7 @@ class Walk:
         yield Check("rate", f"{RATE_SECONDS:g} s at {rate:g} Hz", *outcome, f"{figure}{busy}", "1 in 1000")
 
     def exits(self) -> Iterator[Check]:
-        """Every way in which the program that plays may end."""
+        """Check the safe state after every way in which a playing program can end."""
         ways = {"Ctrl-C": "SIGINT", "the terminal closed": "SIGHUP", "asked to end": "SIGTERM", "killed": "SIGKILL"}
         for name, number in ways.items():
             if not hasattr(signal, number):
@@ -385,7 +398,7 @@ class Walk:
                 f"Is it {self._home} now, or has it let go, if that is its safe state?{self._without()}"
             )
             self.bench.bring_home()
-            pose = self.bench.pose()  # a board that is reset when its port is opened has forgotten it
+            pose = self.bench.pose()  # None from a board that was reset when its port was opened
             yield from self._stuck_at_home(pose)
             yield Check(
                 f"exit, {name}",
@@ -395,7 +408,7 @@ class Walk:
             )
 
     def unplug(self) -> Iterator[Check]:
-        """The cable, pulled while armed."""
+        """Check the safe state after the cable is pulled while armed."""
         what = "the cable to the computer pulled while armed and moved away"
         if not self._moved_away_and("Pull the cable to the COMPUTER now (not the supply's), look, then press Enter."):
             yield Check("unplug", what, "not tried")
@@ -409,7 +422,7 @@ class Walk:
         )
 
     def switch(self) -> Iterator[Check]:
-        """The switch in the actuators' supply."""
+        """Check the switch in the actuators' supply."""
         what = "the actuators' supply switched off while armed and moved away"
         if not self._moved_away_and("Switch the actuators' SUPPLY off now, as you would in need, then press Enter."):
             yield Check("switch", what, "not tried")
@@ -421,14 +434,17 @@ class Walk:
         yield Check("switch", what, *judged(seen))
 
     def _moved_away_and(self, request: str) -> bool:
-        """Move away and ask for something to be done; False: skipped."""
+        """Move away from the safe pose and ask the person to act; False: skipped."""
         self.mover.move_away()
         return self.person.wait(request)
 
     def _fairly(self, attempt: Callable[[], bool | None]) -> tuple[bool | None, str]:
-        """Try until something is known to hold or to fail; `attempt` gives None where this computer may be to blame.
+        """Repeat an attempt until its result does not depend on this computer.
 
-        Returns: None where it was busy each time, and words to be put behind a figure then.
+        Args:
+            attempt: returns whether the check holds; None if this computer's own delays may be the cause of a failure.
+
+        Returns: whether the check holds, and ''; or None if this computer was busy each time, and a note about that.
         """
         for _ in range(ATTEMPTS):
             since = clock.now()
@@ -438,11 +454,14 @@ class Walk:
         return None, f"; {self.bench.host.words(since)}"
 
     def _blamed(self, since: float) -> bool | None:
-        """Return False where the board is to blame for the failure; None where this computer stood still since then."""
+        """Return False for a failure of the board.
+
+        None: this computer stood still since the time `since` [s], so it may be the cause.
+        """
         return None if self.bench.host.disturbed(since) else False
 
     def _at_device(self) -> int:
-        """Return how many packets the board says to have lost, found damaged or refused."""
+        """Return the board's count of lost, damaged and refused packets."""
         connection = self.bench.streamer.connection
         counters = connection.adapter.counters if connection is not None else {}
         lost = sum(int(counters.get(f"{name} at the device", 0)) for name in ("lost", "damaged"))
@@ -450,5 +469,8 @@ class Walk:
 
 
 def _within(measured: float, board: float, limit: float) -> bool | None:
-    """Judge a figure: True within its limit; False where the board's own part is beyond it; None where nobody knows."""
+    """Return whether a measured figure is within its limit.
+
+    False: the board's own part of it exceeds the limit. None: it exceeds the limit, but the board's part does not.
+    """
     return True if measured <= limit else False if board > limit else None

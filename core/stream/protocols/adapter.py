@@ -1,4 +1,7 @@
-"""The interface of every protocol to a sender. The sender knows no protocol, and a protocol knows no sender."""
+"""The interface between a sender and the protocols.
+
+The sender depends on no protocol, and no protocol depends on the sender.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,12 @@ from .wire import Wire
 
 @dataclass(frozen=True)
 class Touch:
-    """A finger on a touch panel [m from the screen's centre]; `at`: when this was heard [s], None for just now."""
+    """A report of a touch panel.
+
+    Attributes:
+        down: whether a finger touches the panel. x, y: position from the screen's centre [m].
+        at: time at which the report arrived [s]; None for just now.
+    """
 
     down: bool
     x: float
@@ -25,45 +33,47 @@ class Touch:
 
 
 class Adapter:
-    """One protocol, one device: from values to messages, and back.
+    """One protocol for one device: makes messages from values, and reads answers.
 
     Class attributes:
-        name: in URLs and menus. title: for people.
-        tells_pose: the device reports its pose; None as `pose` then means that it does not know it.
-        hushed: nothing is asked while nothing is armed, so that the board's own time-out acts: no safe state is
-            confirmed then, and no pose reported.
+        name: name in URLs and menus. title: name for people.
+        tells_pose: the device reports its pose. If `pose` is None nevertheless, the device does not know its pose.
+        hushed: the sender asks nothing while the device is not armed, so that the board's own time-out can act. Until
+            the device is armed, no safe state is confirmed and no pose is reported.
         limp: in the safe state the actuators have no power, whatever the preset says.
         timed: commands may carry their play-out time.
-        bears: longest delay of answers in a port's chip that commands are not hindered by [s].
+        bears: longest time for which a port's chip may hold answers back without delaying commands [s].
         datagrams: messages go as datagrams, never as a stream.
         baud: baud rate of a serial port whose URL states none.
-        unanswered: advice where nobody answers. at_baud: more of it where the link has a baud rate. faster: advice
-            where the link is too slow, '' for none. unarmed: advice where it answers, and does not arm; '' for none.
+        unanswered: advice if nobody answers. at_baud: further advice if the link has a baud rate. faster: advice
+            if the link is too slow, '' for none. unarmed: advice if the device answers but does not arm, '' for none.
         OPTIONS: names of the options that a URL may set.
-        SENSES: name and unit of what the actuators measure beside their pose.
+        SENSES: names and units of the quantities that the actuators measure beside their pose.
 
     Attributes:
         silence: the board's declared behaviour when no more commands reach it.
         caution: warning for a person who is about to put a finger in; '' for none.
-        state: state that the device reports of itself, None where its protocol does not report one.
-        broken: its last command could not be made, because of a defect.
+        state: state that the device reports; None if its protocol reports none.
+        broken: the last command could not be made, because of a defect of the adapter.
         ready: the device has been recognised. armed: it takes commands. fault: why it cannot be used, in words.
-        device: its identifier in hex digits; '' where it has none to tell.
-        pose: where the device says it is, as driven [units], or None. pose_at: when it said so [s], or NaN.
-        follows_pose: the device is asked for its pose while it is driven, too, where it has to be asked.
-        touch: the last touch of a panel. counters: counts of faults and changes, by name.
-        round_trip: the last one [s], or NaN. congested: answers stay away, so the link holds more than it carries.
-        busy: an answer is on a line that carries commands too: they wait for it.
-        carries: bytes a second of the link, None where that is not known.
-        sensed: those measurements, taken with `pose`: 'temperature [degC]' -> a value each, NaN where one has none.
-            Empty before the first, else one for each of SENSES, in that order.
-        prompt: the last answer came as soon as any, or there are none: nothing waits on the way.
-        queue: commands that the device can hold for later; 0: not known.
-        output_hz: how often the actuators can take a new value [Hz]; 0: not known, or at every command.
+        device: the device's identifier in hex digits; '' if it reports none.
+        pose: last reported pose, in driven values [units], or None. pose_at: time of that report [s], or NaN.
+        follows_pose: a device that has to be asked for its pose is asked while it is driven, too.
+        touch: last touch of a panel. counters: counts of faults and changes, by name.
+        round_trip: last round trip [s], or NaN. congested: answers are late, so commands queue on the link.
+        busy: an answer is expected on a line that also carries commands; commands wait for it.
+        carries: capacity of the link [bytes/s]; None if it is not known.
+        sensed: measurements taken with `pose`, such as 'temperature [degC]' -> array of shape (channels,), NaN for an
+            actuator without a value. Empty before the first measurement; then it has every one of SENSES, in order.
+        prompt: the last answer was not delayed, or the protocol has no answers: nothing queues on the link.
+        queue: number of commands that the device can hold for later; 0: not known.
+        output_hz: rate at which the actuators can take new values [Hz]; 0: not known, or at every command.
         notice: advice for a person on the device that has been recognised, in words.
-        least_rate: commands or their repetitions a second that keep the board from counting its sender as silent [Hz].
-        refused: commands that the device says it did not take, or took too late.
-        command_bytes: the most that one command takes. other_bytes: the most that goes beside commands, a second.
+        least_rate: rate of commands or their repetitions at which the board does not yet count its sender as
+            silent [Hz].
+        refused: number of commands that the device reports as refused or late.
+        command_bytes: largest size of one command [bytes].
+        other_bytes: largest traffic on the link beside commands [bytes/s].
     """
 
     name = ""
@@ -117,59 +127,89 @@ class Adapter:
         self.refused = 0
 
     def opened(self, now: float) -> None:
-        """Begin: the link has just been opened."""
+        """Begin on a link that has just been opened."""
         self.ready = True
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take received data: any portion of a stream, or one datagram."""
+        """Process received data: any portion of a stream, or one datagram."""
 
     def poll(self, now: float) -> list[bytes]:
-        """Return messages that are due by themselves: handshake, clock, sign of life."""
+        """Return due messages other than commands.
+
+        They are handshakes, questions for the clock, and signs of life.
+        """
         return []
 
     def arm(self) -> None:
-        """Ask the device to take commands; `armed` tells when it does."""
+        """Ask the device to take commands; `armed` is set once it does."""
         self.armed = True
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
-        """Return the messages for values [units]; `play`: when they count, None for at once."""
+        """Return the messages of one command.
+
+        Args:
+            values: driven values [units], shape (channels,). now: time [s]. play: play-out time [s], None for at once.
+        """
         raise NotImplementedError
 
     def carried(self, values: Array) -> Array:
-        """Return the values that the protocol's numbers stand for, for values [units], shape (..., channels)."""
+        """Return values [units] rounded as the protocol sends them.
+
+        The shape is (..., channels).
+        """
         return values
 
     def forget(self) -> None:
-        """Forget the last command: it did not leave, or must not be relied on; the next one says everything again."""
+        """Forget the last command: it was not sent, or may be lost.
+
+        The next command repeats every value.
+        """
 
     def ask_pose(self) -> list[bytes]:
-        """Return messages that ask the device for its state and pose; none where the protocol has no question."""
+        """Return messages that ask the device for its state and pose.
+
+        There are none if the protocol has no such question.
+        """
         return []
 
     def sign_of_life(self, values: Array, now: float) -> list[bytes]:
-        """Return messages that keep the board from counting its sender as silent, and move nothing.
+        """Return messages that show the board a live sender, and move nothing.
 
-        `values`: the last ones commanded [units]. Only asked for where commands are far apart.
+        They are needed only if commands are far apart.
+
+        Args:
+            values: last commanded values [units], shape (channels,). now: time [s].
         """
         self.forget()
         return self.command(values, now, None)
 
     def retract(self) -> list[bytes] | None:
-        """Return messages upon which the device goes to its safe state by itself; None: the sender leads it there."""
+        """Return messages that make the device go to its safe state by itself.
+
+        None: the sender leads the device there by commands.
+        """
         return None
 
     def safe(self) -> list[bytes]:
-        """Return the last messages after the way to the safe state, such as those that let actuators go."""
+        """Return the last messages once the safe values have been commanded.
+
+        Some protocols let the actuators go with them.
+        """
         self.armed = False
         return []
 
     @property
     def settled(self) -> bool:
-        """Return whether the device has confirmed the last `safe`; True where its protocol confirms nothing."""
+        """Return whether the device has confirmed the last `safe`.
+
+        True if its protocol confirms nothing.
+        """
         return True
 
     def _declared_silence(self) -> Silence:
-        """Read the behaviour in silence that the URL declares; unknown where it declares none.
+        """Read the board's behaviour in silence from the URL.
+
+        It is unknown if the URL declares none.
 
         Raises:
             DermisError: no such behaviour, or an impossible time.
@@ -196,7 +236,7 @@ class Adapter:
         """Read an option as a number.
 
         Raises:
-            DermisError: it is none, or not finite.
+            DermisError: the option is not a finite number.
         """
         try:
             number = float(self.options.get(name, default))
@@ -215,7 +255,7 @@ class Adapter:
         """Read an option as a whole number within its limits.
 
         Raises:
-            DermisError: it is none, or outside of them.
+            DermisError: the option is no whole number, or outside its limits.
         """
         text = self.options.get(name, str(default))
         number = int(text) if text.strip().isdecimal() else -1

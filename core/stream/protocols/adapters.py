@@ -1,10 +1,10 @@
-"""Adapters by the names of their protocols: those of this folder, and those from outside this package.
+"""Adapters by protocol: those of this folder, and external ones.
 
-An adapter from outside is a file in a folder of the user's, or an entry point of an installed package. An address names
-one, `?adapter=NAME`, with the protocol 'other'. NAME is looked for as `NAME.py` in the folders of the environment
-variable `DERMIS_ADAPTERS`, then among the entry points of the group `dermis.adapters`. Both give a function
-`adapter(api)` that returns a class derived from `api.Adapter`. An address cannot name a path, so a file that came from
-somebody else cannot have code of its own run.
+An external adapter is a file in a folder of the user, or an entry point of an installed package. With the protocol
+'other', an address names it by `?adapter=NAME`. It is the file `NAME.py` in a folder of the environment variable
+`DERMIS_ADAPTERS`; if there is none, the entry point NAME of the group `dermis.adapters`. Both define a function
+`adapter(api)` that returns a class derived from `api.Adapter`. An address cannot contain a path, so a file from
+somebody else cannot make code of its own run.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from .packets import DeviceState, Reach
 from .silence import Does, Silence
 from .wire import Wire
 
-FOLDERS = "DERMIS_ADAPTERS"  # environment variable: folders, separated as in PATH
-GROUP = "dermis.adapters"  # of entry points
+FOLDERS = "DERMIS_ADAPTERS"  # environment variable with folders, separated as in PATH
+GROUP = "dermis.adapters"  # group of entry points
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 API = SimpleNamespace(
     Adapter=Adapter,
@@ -38,7 +38,7 @@ API = SimpleNamespace(
     Wire=Wire,
 )
 
-# Methods that may raise anything, and their answers then: the device is led to its safe state all the same.
+# Method of an adapter -> its result if it raises an error, so that the device still gets to its safe state.
 FALLBACKS: Mapping[str, tuple[bytes, ...] | None] = {
     "opened": None,
     "receive": None,
@@ -55,7 +55,7 @@ FALLBACKS: Mapping[str, tuple[bytes, ...] | None] = {
 _loaded: dict[tuple[str, int], type[Adapter]] = {}
 
 
-# protocol -> file of this folder, and class in it
+# Protocol -> module of this package, and the class in it.
 NAMES: Mapping[str, tuple[str, str]] = {
     "native": ("native", "Native"),
     "native-wifi": ("native_wifi", "NativeWifi"),
@@ -68,11 +68,14 @@ NAMES: Mapping[str, tuple[str, str]] = {
 }
 
 
-OTHER = "other"  # protocol of adapters from outside: the option `adapter` names one, see above
+OTHER = "other"  # protocol of external adapters: the option `adapter` names one of them
 
 
 def adapter_of(protocol: str, options: Mapping[str, str] | None = None) -> type[Adapter]:
-    """Return the class of a protocol's adapters; `options` of the address name one from outside.
+    """Return the adapter class of a protocol.
+
+    Args:
+        protocol: name of the protocol. options: options of the address, which name an external adapter.
 
     Raises:
         DermisError: no such protocol or adapter.
@@ -86,28 +89,34 @@ def adapter_of(protocol: str, options: Mapping[str, str] | None = None) -> type[
 
 
 def make(protocol: str, wire: Wire, options: Mapping[str, str]) -> Adapter:
-    """Return the adapter of a protocol for a device.
+    """Make the adapter of a protocol for a device.
 
     Raises:
         DermisError: no such protocol, an unknown option, or a device that the protocol cannot carry.
     """
     given = {name: value for name, value in options.items() if (protocol, name) != (OTHER, "adapter")}
     made = adapter_of(protocol, options)(wire, given)
-    made.options = dict(options)  # by which another process makes the same one
+    made.options = dict(options)  # another process makes the same adapter from these
     for name, otherwise in FALLBACKS.items():
         setattr(made, name, _guarded(made, name, otherwise))
     return made
 
 
 def _messages(value: object, *, optional: str) -> bool:
-    """Return whether a value is a list of messages; methods that return nothing may return anything."""
+    """Return whether a method's result is valid: a list of messages.
+
+    Every result of a method that has no result is valid.
+    """
     if FALLBACKS[optional] is None and optional != "retract":
         return True
     return isinstance(value, list) and all(isinstance(one, bytes) for one in value)
 
 
 def _guarded(made: Adapter, name: str, otherwise: Any) -> Callable[..., Any]:
-    """Return a method of an adapter that may fail without taking the way to the safe state along."""
+    """Return a method of an adapter whose errors become a fault.
+
+    After an error the result is `otherwise`, so that the device still gets to its safe state.
+    """
     method = getattr(made, name)
 
     def guarded(*arguments: Any, **named: Any) -> Any:
@@ -118,7 +127,7 @@ def _guarded(made: Adapter, name: str, otherwise: Any) -> Callable[..., Any]:
             if (otherwise is not None or made_of_it is not None) and not _messages(made_of_it, optional=name):
                 raise TypeError(f"returned {made_of_it!r:.80}, not a list of bytes")
             return made_of_it
-        except Exception as error:  # a defect of its own, or of an adapter from outside
+        except Exception as error:  # a defect of this adapter, which may be an external one
             made.fault = made.fault or f"the protocol's program failed in '{name}': {type(error).__name__}: {error}"
             made.broken |= name == "command"
             return otherwise if otherwise is None else list(otherwise)
@@ -127,16 +136,16 @@ def _guarded(made: Adapter, name: str, otherwise: Any) -> Callable[..., Any]:
 
 
 def names() -> list[str]:
-    """Return the names of the adapters that are at hand."""
+    """Return the names of the external adapters that can be loaded."""
     files = [path.stem for folder in _folders() for path in folder.glob("*.py") if NAME.fullmatch(path.stem)]
     return sorted({*files, *(point.name for point in metadata.entry_points(group=GROUP))})
 
 
 def adapter_named(name: str) -> type[Adapter]:
-    """Return the adapter of a name.
+    """Return the external adapter of a name.
 
     Raises:
-        DermisError: there is none, or it does not keep the contract.
+        DermisError: no adapter has this name, or it does not keep the contract.
     """
     if not NAME.fullmatch(name):
         raise DermisError(
@@ -156,7 +165,10 @@ def adapter_named(name: str) -> type[Adapter]:
 
 
 def _of_file(path: Path) -> type[Adapter]:
-    """Return the adapter that a file defines; a file that has not changed is run once."""
+    """Return the adapter that a file defines.
+
+    A file is run once, and again after it has changed.
+    """
     key = str(path), path.stat().st_mtime_ns
     if key not in _loaded:
         _loaded[key] = _made(lambda: _function_of(path)(API), str(path))
@@ -164,7 +176,7 @@ def _of_file(path: Path) -> type[Adapter]:
 
 
 def _function_of(path: Path) -> Any:
-    """Run a file; return its function `adapter`."""
+    """Run a file and return its function `adapter`."""
     defined = runpy.run_path(str(path))
     if "adapter" not in defined:
         raise DermisError("the file defines no function adapter(api)")
@@ -172,14 +184,14 @@ def _function_of(path: Path) -> Any:
 
 
 def _made(make: Callable[[], Any], where: str) -> type[Adapter]:
-    """Return the result of an adapter's function, if that is an adapter.
+    """Return the result of an adapter's function, if it is an adapter class.
 
     Raises:
-        DermisError: it raised, or returned something else.
+        DermisError: the function raised an error, or returned something else.
     """
     try:
         made = make()
-    except Exception as error:  # code of somebody else, which may raise anything
+    except Exception as error:  # external code may raise any error
         value = str(error) if isinstance(error, DermisError) else f"{type(error).__name__}: {error}"
         raise DermisError("the adapter cannot be loaded", where=where, value=value) from error
     if not (isinstance(made, type) and issubclass(made, Adapter) and made is not Adapter):

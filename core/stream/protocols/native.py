@@ -18,21 +18,29 @@ from .refusals import MOST, Refusals
 from .silence import Does, Silence
 from .wire import REACH, Wire
 
-WATCHDOG_MS = 50  # silence before the safe state [ms]: 100 in all with 30 of backlog and a pulse period of 20
+# [ms] silence after which the device goes to its safe state. A backlog of 30 ms and a pulse period of 20 ms may precede
+# and follow it: 100 ms in all.
+WATCHDOG_MS = 50
+# [s] time between two packets: questions for the pose, questions for the clock, packets for arming, and SAFE.
+# Questions for the clock come at SAFE_EVERY, too, while the link is slow or silent.
 HELLO_EVERY, SYNC_EVERY, ARM_EVERY, SAFE_EVERY = 0.1, 0.01, 0.03, 0.005
-LEAST_WATCHDOG_MS = round(2e3 * SYNC_EVERY)  # one sign of life may come late; with 10 ms no device would arm
-SILENCE = 1.0  # a device that has not answered for this long is gone [s] ...
-SILENCE_ARMED = 0.08  # ... and while it is armed for this long: the sender's own dead man's switch
-BEHIND = 0.01  # if an answer takes this much longer than the fastest one, commands are queuing on the link [s]
-PROMPT = 0.004  # an answer at most this much slower than usual met no queue [s]
-OVERDUE = 0.03  # after this long without an answer questions come more often: one lost packet must not end a stream [s]
-ABSENT = 0.03  # a time in which this sender itself did not listen for longer does not count as the device's silence [s]
-SAFE_TIMES = 200  # SAFE is repeated until the device confirms it, for a second at most, since any packet may be lost
-HELLO_TIMES = 5  # after so many without an answer a new session begins: the device may have seen this number before
+# [ms] shortest watchdog: two periods of SYNC, so that one sign of life may come late. With 10 ms no device would arm.
+LEAST_WATCHDOG_MS = round(2e3 * SYNC_EVERY)
+SILENCE = 1.0  # [s] a device that has not answered for this long is gone
+SILENCE_ARMED = 0.08  # [s] the same while the device is armed: the sender's own dead man's switch
+BEHIND = 0.01  # [s] if an answer takes this much longer than the fastest one, commands are queuing on the link
+PROMPT = 0.004  # [s] an answer at most this much slower than usual met no queue
+OVERDUE = 0.03  # [s] without an answer for this long, questions come more often: one lost packet must not end a stream
+ABSENT = 0.03  # [s] if this sender itself paused for longer, the pause does not count as the device's silence
+SAFE_TIMES = 200  # packets SAFE at most, sent within a second until the device confirms one: any packet may be lost
+HELLO_TIMES = 5  # HELLO packets without an answer before a new session: the device may know the old number already
 
 
 class Native(Adapter):
-    """Dermis native, versions 1 and 2. Options: `watchdog_ms`, and `reach`, 'ramp' or 'release'."""
+    """The native protocol of Dermis, versions 1 and 2.
+
+    Options: `watchdog_ms`: silence before the safe state [ms]. `reach`: transition to it, 'ramp' or 'release'.
+    """
 
     name, title = "native", "Dermis native"
     tells_pose = timed = True
@@ -43,7 +51,7 @@ class Native(Adapter):
     )
     unarmed = "If a PCA9685 makes its pulses, check that board's address, SDA, SCL and VCC: without it nothing is armed"
     OPTIONS: tuple[str, ...] = ("reach", "watchdog_ms")
-    WATCHDOGS = WATCHDOG_MS, LEAST_WATCHDOG_MS, 80  # as set, shortest and longest [ms]; 100 ms are not kept with more
+    WATCHDOGS = WATCHDOG_MS, LEAST_WATCHDOG_MS, 80  # [ms] default, shortest, longest; a longer one breaks the 100 ms
     GONE, BEHIND = SILENCE_ARMED, BEHIND
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
@@ -53,7 +61,7 @@ class Native(Adapter):
         self.reach = self._reach(options.get("reach", ""))
         does = Does.LETS_GO if self.reach == Reach.RELEASE else Does.RETRACTS
         self.silence = Silence(does, self.watchdog_ms / 1e3, "board")
-        self.least_rate = 0.0  # the questions for the clock are signs of life already
+        self.least_rate = 0.0  # commands need not be repeated: the questions for the clock are signs of life
         full = packets.command(0xFFFFFFFF, np.full(wire.count, packets.FULL, np.uint16), timed=True)
         self.command_bytes = len(packets.pack(Kind.COMMAND, 0xFF, 0xFFFF, full))
         self.other_bytes = len(packets.pack(Kind.SYNC, 0xFF, 0xFFFF, b"\xff" * 4)) / SYNC_EVERY
@@ -63,15 +71,15 @@ class Native(Adapter):
         self._session = 0
         self._sequence = 0
         self._due: dict[str, float] = {}
-        self._asked: dict[int, tuple[float, int]] = {}  # when, and how many commands had been sent before
+        self._asked: dict[int, tuple[float, int]] = {}  # token -> time of the question, commands sent before it
         self._commands = 0
         self._refusals = Refusals()
         self._jumps = 0
-        self._refuses = False  # too many commands were refused in the last half second that was judged
-        self._at_once = self._was_at_once = False  # the next command empties the device's queue
+        self._refuses = False  # too many commands were refused when they were judged last
+        self._at_once = self._was_at_once = False  # the next command is untimed, so it empties the device's queue
         self._old_firmware = ""
-        self._timing: list[str] = []  # findings about play-out times since it was armed
-        self._oldest = math.inf  # question without an answer
+        self._timing: list[str] = []  # findings about play-out times since the device was armed
+        self._oldest = math.inf  # [s] time of the oldest question without an answer
         self._trips = RoundTrips()
         self._heard = self._polled = 0.0
         self._wants_arms = self._wants_pose = False
@@ -79,13 +87,19 @@ class Native(Adapter):
         self._unconfirmed = False
 
     def opened(self, now: float) -> None:
-        """Begin a session of its own number, so that packets of an earlier one mean nothing."""
+        """Begin a session with a new number.
+
+        Packets of earlier sessions are ignored from now on.
+        """
         self._draw_session()
         self._heard = self._polled = now
         self.decoder = packets.Decoder()
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take the device's packets; damaged ones and those of another session are counted and dropped."""
+        """Process the device's packets.
+
+        Damaged packets, and packets of another session, are counted and dropped.
+        """
         for packet in self.decoder.feed(data):
             if packet.kind != Kind.NACK and packet.session != self._session:
                 self.counters["of another session"] += 1
@@ -99,7 +113,7 @@ class Native(Adapter):
             self.decoder.damaged = 0
 
     def poll(self, now: float) -> list[bytes]:
-        """Return handshake, arming, sign of life, and repeated stops."""
+        """Return due packets: handshake, arming, clock and repeated SAFE."""
         out = []
         if now - self._polled > ABSENT:
             self._heard += now - self._polled
@@ -124,7 +138,7 @@ class Native(Adapter):
                     self.watchdog_ms, self.reach, self.wire.counts(self.wire.safe), self.wire.slew_counts()
                 )
                 out.append(self._pack(Kind.CONFIGURE, body))
-            out += self.ask_pose()  # where it stands once it is armed: a way to safety went on until then
+            out += self.ask_pose()  # a ramp to the safe state goes on until the device is armed
         self._judge_link(now)
         well = self.prompt and not self.congested and now - self._heard < OVERDUE
         if self._is_due("sync", SYNC_EVERY if well else SAFE_EVERY, now):
@@ -137,11 +151,14 @@ class Native(Adapter):
             out.append(self._pack(Kind.SYNC, token.to_bytes(4, "little")))
             asks = not (self._wants_arms or self._safes) or (self.armed and self.follows_pose)
             if asks and self._is_due("hello", HELLO_EVERY, now):
-                out += self.ask_pose()  # it may have let go. Behind a SYNC, whose way back tells the link's pace
+                out += self.ask_pose()  # it may have let go; sent after SYNC, so that SYNC's round trip is not longer
         return out
 
     def arm(self) -> None:
-        """Configure the device, then arm it; repeated until it says that it is, and where it stands."""
+        """Ask for the device to be configured and armed.
+
+        `poll` repeats the packets until the device has reported that it is armed, and its pose.
+        """
         self._wants_arms = self._wants_pose = True
         self.timed, self._refuses = type(self).timed, False
         self._timing.clear()
@@ -150,7 +167,7 @@ class Native(Adapter):
         self._due.pop("arm", None)
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
-        """Return one COMMAND, with the device's own time where it is known."""
+        """Return one COMMAND, with a play-out time if the device's clock is known."""
         timed = play is not None and self.timed and self.clock.known and not self._at_once
         self._was_at_once, self._at_once = self._at_once, False
         self._commands += 1
@@ -158,29 +175,35 @@ class Native(Adapter):
         return [self._pack(Kind.COMMAND, packets.command(when, self.wire.counts(values), timed=timed))]
 
     def carried(self, values: Array) -> Array:
-        """Return the values of the counts."""
+        """Return values rounded to the protocol's counts [units]."""
         return self.wire.values(self.wire.counts(values))
 
     def ask_pose(self) -> list[bytes]:
-        """Return a question for identity and pose; to the same session it changes nothing at the device."""
+        """Return a question for identity and pose.
+
+        Within a session it changes nothing at the device.
+        """
         return [self._pack(Kind.HELLO, packets.hello(self.wire.count, self.wire.hash))]
 
     def sign_of_life(self, values: Array, now: float) -> list[bytes]:
-        """Return nothing: `poll` asks for the clock often enough."""
+        """Return nothing: the questions of `poll` for the clock suffice."""
         return []
 
     def forget(self) -> None:
-        """Take the last number back: its packet did not leave, and the device must not miss it."""
+        """Take back the sequence number of the last command.
+
+        Its packet was not sent, so the device must not count it as lost.
+        """
         self._sequence = (self._sequence - 1) & 0xFFFF
         self._commands -= 1
         self._at_once |= self._was_at_once
 
     def retract(self) -> list[bytes]:
-        """Return SAFE, now and again until the device confirms it."""
+        """Return SAFE; `poll` repeats it until the device confirms it."""
         return self.safe()
 
     def safe(self) -> list[bytes]:
-        """Return SAFE, now and again until the device confirms it."""
+        """Return SAFE; `poll` repeats it until the device confirms it."""
         self._wants_arms = self.armed = False
         self._unconfirmed = self.ready
         self._safes = SAFE_TIMES
@@ -189,7 +212,10 @@ class Native(Adapter):
 
     @property
     def settled(self) -> bool:
-        """Return whether the device has answered SAFE, or was never there to be told."""
+        """Return whether no SAFE awaits its confirmation.
+
+        True as well if the device was never recognised.
+        """
         return not self._unconfirmed
 
     def _draw_session(self) -> None:
@@ -209,7 +235,8 @@ class Native(Adapter):
             question = self._asked.pop(reply.host_us, None)
             if question is not None:
                 asked, commands = question
-                self._asked = {token: q for token, q in self._asked.items() if q[0] > asked}  # older ones were lost
+                # Older questions, or their answers, were lost.
+                self._asked = {token: q for token, q in self._asked.items() if q[0] > asked}
                 self._oldest = min((at for at, _ in self._asked.values()), default=math.inf)
                 self.clock.reply(asked, now, reply.device_us)
                 self._refusals.add(commands, reply)
@@ -252,7 +279,7 @@ class Native(Adapter):
                 f"'{self.wire.spec.name}' is {self.wire.hash.hex()}"
             )
         else:
-            if not self.ready:  # a later one only answers a question for the pose, and clears no fault
+            if not self.ready:  # a later WELCOME only answers a question for the pose, and clears no fault
                 self.ready, self.fault = True, ""
             if welcome.version < packets.VERSION:
                 self._old_firmware = (
@@ -267,9 +294,11 @@ class Native(Adapter):
             self._device_state(welcome.state)
 
     def _judge_timing(self, now: float) -> None:
-        """Synchronise the clocks again, or stop timing commands, if the clock or too many refusals require it.
+        """Check the device's clock and its refusals of timed commands.
 
-        Commands in the device's queue have times of the old synchronisation, so the next command empties the queue.
+        If the clock jumped, or too many commands were refused, the clocks are synchronised again. Commands in the
+        device's queue then have play-out times of the old synchronisation, so the next command empties the queue.
+        If the trouble lasts, commands are sent without play-out times.
         """
         jumped, self._jumps = self.clock.jumps > self._jumps, self.clock.jumps
         refuses = self._refusals.too_many(self._commands, now)
@@ -282,7 +311,7 @@ class Native(Adapter):
         elif again:
             self._give_up_timing(f"more than {MOST:.0%} of the commands were still refused or late")
         elif jumped or refuses:
-            if not jumped:  # after a jump the clock has restarted by itself
+            if not jumped:  # after a jump `DeviceClock` has forgotten the earlier round trips already
                 self.clock.forget()
             self._at_once = True
             refused = f"More than {MOST:.0%} of the commands were refused or late"
@@ -299,12 +328,19 @@ class Native(Adapter):
         self.notice = ". ".join(filter(None, (self._old_firmware, *self._timing)))
 
     def _judge_link(self, now: float) -> None:
-        """Estimate the hidden send queue of a driver from overdue answers."""
+        """Infer from late answers whether commands queue in a driver."""
         self.congested = now - self._oldest > max(self._trips.shortest + self.BEHIND, self._trips.usual + PROMPT)
         self.prompt = self.round_trip < self._trips.usual + PROMPT
 
     def _reach(self, given: str) -> Reach:
-        """Read how the device gets to its safe state: the preset's way, or a gentler one that the URL asks for."""
+        """Read the transition to the safe state.
+
+        Args:
+            given: the URL's option; '' for the transition of the preset.
+
+        Raises:
+            DermisError: no such transition, or the preset goes to its safe state at once.
+        """
         gentle = {name: reach for name, reach in REACH.items() if reach != Reach.AT_ONCE}
         if not given:
             return self.wire.reach

@@ -1,6 +1,6 @@
-"""Packets of the native protocol, version 2: framing, check sum, bodies.
+"""Packets of the native protocol, version 2: framing, checksum, bodies.
 
-presets/streaming_protocol.md specifies them.
+The specification is presets/streaming_protocol.md.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from ...errors import DermisError
 from . import cobs
 
 VERSION = 2
-READS = (1, 2)  # versions of a device that this sender understands
-LARGEST = 4096  # bytes between two delimiters; more is rubbish and is not kept
-FULL = 65535
-TIMED = 1  # flag of COMMAND
+READS = (1, 2)  # versions of devices that this sender supports
+LARGEST = 4096  # [bytes] largest frame between two delimiters; a longer one is discarded as damaged
+FULL = 65535  # largest count, at the upper end of a channel's range
+TIMED = 1  # flag of COMMAND: the play-out time counts
 
 _HEAD = struct.Struct("<BBH")
 _CRC = struct.Struct("<I")
@@ -34,33 +34,33 @@ _TOUCH = struct.Struct("<IBff")
 
 
 class Kind(IntEnum):
-    """First byte of a packet; the device's own have the highest bit set."""
+    """First byte of a packet; in packets from a device its highest bit is set."""
 
     HELLO, CONFIGURE, ARM, SAFE, COMMAND, SYNC = 1, 2, 3, 4, 5, 6
     WELCOME, STATE, SYNCED, NACK, TOUCH = 0x81, 0x85, 0x86, 0x87, 0x88
 
 
 class DeviceState(IntEnum):
-    """A device's description of itself."""
+    """State that a device reports of itself."""
 
     IDLE, CONFIGURED, ARMED, SAFE = 0, 1, 2, 3
 
 
 class Reach(IntEnum):
-    """How a device gets to its safe state."""
+    """Transition of a device to its safe state."""
 
     AT_ONCE, RAMP, RELEASE = 0, 1, 2
 
 
 class Nack(IntEnum):
-    """Why a device did not take a packet."""
+    """Reason why a device refused a packet, or reports a fault of the link."""
 
     DAMAGED, GAP, NOT_ARMED, QUEUE_FULL, OTHER_SESSION, LATE, MALFORMED = 1, 2, 3, 4, 5, 6, 7
 
 
 @dataclass(frozen=True)
 class Packet:
-    """One packet, its check sum already found right."""
+    """One packet with a correct checksum."""
 
     kind: int
     session: int
@@ -69,9 +69,10 @@ class Packet:
 
 
 def pack(kind: int, session: int, sequence: int, body: bytes = b"") -> bytes:
-    """Return a whole frame: zero, COBS of header, body and CRC-32, zero.
+    """Return a whole frame.
 
-    The zero in front keeps damage in earlier bytes out of this packet.
+    A frame is a zero byte, the COBS encoding of header, body and CRC-32, and a zero byte. The first zero byte separates
+    this packet from damaged bytes before it.
     """
     data = _HEAD.pack(kind, session & 0xFF, sequence & 0xFFFF) + body
     return b"\0" + cobs.encode(data + _CRC.pack(zlib.crc32(data))) + b"\0"
@@ -81,7 +82,7 @@ class Decoder:
     """Finds packets in a stream of bytes that may be damaged anywhere.
 
     Attributes:
-        damaged: frames that were not packets: wrong check sum, bad stuffing, too short or too long.
+        damaged: number of frames with a wrong checksum, bad stuffing or a wrong length.
     """
 
     def __init__(self) -> None:
@@ -89,11 +90,11 @@ class Decoder:
         self._rest = b""
 
     def feed(self, data: bytes) -> list[Packet]:
-        """Take bytes in any portions; return the packets that are complete by now."""
+        """Add bytes in any portions; return the packets that they complete."""
         frames = (self._rest + data).split(b"\0")
         self._rest = frames.pop()
         if len(self._rest) > LARGEST:
-            self._rest = self._rest[-1:]  # not empty: the rest of an oversized frame is still a damaged frame
+            self._rest = self._rest[-1:]  # one byte is kept, so that an oversized frame still counts as damaged
         return [packet for frame in frames if frame and (packet := self._packet(frame)) is not None]
 
     def _packet(self, frame: bytes) -> Packet | None:
@@ -110,12 +111,20 @@ class Decoder:
 
 
 def command(play_us: int, counts: NDArray[np.uint16], *, timed: bool) -> bytes:
-    """Return the body of COMMAND; counts from 0 (a channel's low) to 65535 (its high), shape (channels,)."""
+    """Return the body of COMMAND.
+
+    Args:
+        play_us: play-out time by the device's clock [us]. counts: 0 (a channel's low) to 65535 (its high), shape
+            (channels,). timed: whether the play-out time counts.
+    """
     return _COMMAND.pack(play_us & 0xFFFFFFFF, TIMED if timed else 0) + counts.astype("<u2", copy=False).tobytes()
 
 
 def read_command(body: bytes) -> tuple[int, bool, NDArray[np.uint16]]:
-    """Return play-out time [us of the device's clock], whether it counts, and the counts."""
+    """Return play-out time [us], whether it counts, and counts of COMMAND.
+
+    The time is by the device's clock. The counts have the shape (channels,).
+    """
     _length(body, _COMMAND.size, 2)
     play, flags = _COMMAND.unpack_from(body)
     return play, bool(flags & TIMED), np.frombuffer(body, "<u2", offset=_COMMAND.size)
@@ -127,7 +136,7 @@ def hello(channels: int, spec_hash: bytes) -> bytes:
 
 
 def read_hello(body: bytes) -> tuple[int, int, bytes]:
-    """Return version, channels and spec hash."""
+    """Return version, number of channels and hash of the preset of HELLO."""
     _exact(body, _HELLO.size)
     return _HELLO.unpack(body)
 
@@ -137,11 +146,12 @@ class Welcome:
     """A device's answer to HELLO.
 
     Attributes:
-        version: of the protocol. channels: that it has. device: its id, 8 bytes. spec_hash: zeros: any preset.
-        device_us: its clock. state: `DeviceState`. queue: commands that it can hold for later.
-        pose: where it is, counts; None where it does not know.
-        output_hz: how often its actuators can take a new value, 50 for hobby servos [Hz]; 0: at every command, or a
-            device of version 1, which does not say.
+        version: version of the protocol. channels: number of channels. device: id of the device, 8 bytes.
+        spec_hash: first 8 bytes of the preset's hash; zeros if the device takes any preset.
+        device_us: clock of the device [us]. state: `DeviceState`. queue: commands that the device can hold for later.
+        pose: pose [counts], shape (channels,); None if the device does not know it.
+        output_hz: rate at which the actuators can take new values [Hz], 50 for hobby servos; 0: at every command, or
+            a device of version 1, which does not report a rate.
     """
 
     version: int
@@ -173,7 +183,13 @@ class Welcome:
 
     @classmethod
     def read(cls, body: bytes) -> Welcome:
-        """Read the body of WELCOME; of a version that is not known, nothing but version and channels."""
+        """Read the body of WELCOME.
+
+        Of an unknown version only `version` and `channels` are read.
+
+        Raises:
+            DermisError: the body or the pose has a wrong length.
+        """
         _length(body, 2, 1)
         layout = _WELCOME.get(body[0])
         if layout is None:
@@ -187,13 +203,18 @@ class Welcome:
 
 
 def configure(watchdog_ms: int, reach: int, safe: NDArray[np.uint16], slew: NDArray[np.uint16]) -> bytes:
-    """Return the body of CONFIGURE: safe counts and largest counts a millisecond, each of shape (channels,)."""
+    """Return the body of CONFIGURE.
+
+    Args:
+        watchdog_ms: silence before the safe state [ms]. reach: transition to it. safe: safe values [counts].
+        slew: slew limits [counts/ms]; both arrays have the shape (channels,).
+    """
     table = np.stack([safe, slew], axis=1).astype("<u2")
     return _CONFIGURE.pack(watchdog_ms, reach, len(safe)) + table.tobytes()
 
 
 def read_configure(body: bytes) -> tuple[int, int, NDArray[np.uint16], NDArray[np.uint16]]:
-    """Return watchdog [ms], way to the safe state, safe counts and largest counts a millisecond."""
+    """Return the arguments of `configure` from a body of CONFIGURE."""
     _length(body, _CONFIGURE.size, 4)
     watchdog, reach, count = _CONFIGURE.unpack_from(body)
     table = np.frombuffer(body, "<u2", offset=_CONFIGURE.size).reshape(-1, 2)
@@ -235,19 +256,19 @@ class Synced:
 
 
 def touch(device_us: int, down: bool, x: float, y: float) -> bytes:
-    """Return the body of TOUCH: a finger on the panel [m] from the screen's centre."""
+    """Return the body of TOUCH; `x`, `y`: position from the screen's centre [m]."""
     return _TOUCH.pack(device_us & 0xFFFFFFFF, down, x, y)
 
 
 def read_touch(body: bytes) -> tuple[int, bool, float, float]:
-    """Return device time [us], whether the finger is down, and where [m]."""
+    """Return device time [us], whether the finger is down, and x and y [m]."""
     _exact(body, _TOUCH.size)
     when, down, x, y = _TOUCH.unpack(body)
     return when, bool(down), x, y
 
 
 def state(now: int, answered: int) -> bytes:
-    """Return the body of STATE: the device's state, and the kind of packet that it answers."""
+    """Return the body of STATE: device state and kind of the packet answered."""
     return bytes((now, answered))
 
 
@@ -258,12 +279,12 @@ def read_state(body: bytes) -> tuple[int, int]:
 
 
 def nack(sequence: int, reason: int) -> bytes:
-    """Return the body of NACK: which packet was not taken, and why."""
+    """Return the body of NACK: sequence number of the packet, and the reason."""
     return struct.pack("<HB", sequence & 0xFFFF, reason)
 
 
 def read_nack(body: bytes) -> tuple[int, int]:
-    """Return sequence and reason."""
+    """Return sequence number and reason of NACK."""
     _exact(body, 3)
     sequence, reason = struct.unpack("<HB", body)
     return sequence, reason

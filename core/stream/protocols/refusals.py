@@ -1,33 +1,40 @@
-"""Which commands a device did not take, or took too late: its own counters against the number sent."""
+"""The number of commands that a device refused or played late."""
 
 from __future__ import annotations
 
 from .packets import Synced
 
-MOST = 0.01  # part of the commands that may be refused before something is done about it [1]
+MOST = 0.01  # [1] largest tolerated part of refused or late commands
 
 
 class Refusals:
-    """Commands that a device refused or played late.
+    """Counts commands that a device refused or played late.
 
-    A device counts commands received, packets lost on the way and commands late. A command that was sent, and is
-    neither received nor lost, was refused. NACKs cannot be counted: a device sends one in 5 ms, and drops the others.
+    A device counts the commands it received, the packets lost on the way, and the late commands. A command that was
+    sent, and is neither received nor lost, was refused. NACKs do not give this number: a device sends at most one NACK
+    in 5 ms, and drops the others.
 
     Attributes:
-        count: commands refused or late so far.
+        count: number of commands refused or late so far.
     """
 
-    SECONDS, COMMANDS = 0.5, 100  # are judged together: of fewer commands, one would be more than `MOST`
+    # [s] and [1]: shortest time and smallest number of commands for one judgement. Of fewer commands, a single refused
+    # one would be more than `MOST`.
+    SECONDS, COMMANDS = 0.5, 100
 
     def __init__(self) -> None:
         self.count = 0
         self._before: tuple[int, Synced] | None = None
-        self._early = 0  # received before the question that they were sent behind, where datagrams overtake
+        self._early = 0  # commands sent after a question and received before it, since datagrams can overtake; <= 0
         self._since = 0.0
-        self._judged = (0, 0)  # commands and refusals when they were judged last
+        self._judged = (0, 0)  # commands sent and refused at the last judgement
 
     def add(self, commands: int, reply: Synced) -> None:
-        """Take a device's counters; `commands`: how many had been sent before it was asked for them."""
+        """Add a device's counters.
+
+        Args:
+            commands: number of commands sent before the question. reply: the device's answer.
+        """
         if self._before is not None:
             sent, old = commands - self._before[0], self._before[1]
             received, lost, late = (
@@ -40,10 +47,12 @@ class Refusals:
         self._before = commands, reply
 
     def too_many(self, commands: int, now: float) -> bool | None:
-        """Return whether more than `MOST` of the last commands were refused; None where these are too few to tell.
+        """Return whether more than `MOST` of the last commands were refused.
+
+        None: too few commands since the last judgement.
 
         Args:
-            commands: how many have been sent. now: [s].
+            commands: number of commands sent so far. now: time [s].
         """
         sent, refused = commands - self._judged[0], self.count - self._judged[1]
         if sent < self.COMMANDS or now - self._since < self.SECONDS:

@@ -1,6 +1,7 @@
-"""Datagrams that only a host and its paired board can make: BLAKE2s keyed with a secret that went over USB.
+"""Authenticated datagrams between a host and its paired board.
 
-Layouts, keys and refusals are those of presets/firmware/dermis_servos/sealed.h. Nothing is kept secret.
+A seal is a BLAKE2s hash, keyed with a secret that was exchanged over USB. Layouts, keys and refusals are those of
+presets/firmware/dermis_servos/sealed.h. The content of the datagrams is not encrypted.
 
 Source: RFC 7693, 'The BLAKE2 Cryptographic Hash and Message Authentication Code'
 """
@@ -16,11 +17,11 @@ from enum import IntEnum
 from hashlib import blake2s
 
 KEY, SEAL, NONCE = 32, 16, 16  # bytes
-TRIES = 10  # datagrams of a handshake, then another begins
-FRESH_MS = 200  # a datagram whose stamp is older was held back
+TRIES = 10  # datagrams of one handshake before another handshake begins
+FRESH_MS = 200  # [ms] a datagram with an older time stamp was held back on its way, and is refused
 MARK = b"DU"
 _HEAD = struct.Struct("<2sBII")
-OVERHEAD = _HEAD.size + SEAL  # of a datagram with bytes of a session
+OVERHEAD = _HEAD.size + SEAL  # [bytes] head and seal of a datagram of a session
 
 
 class Sealed(IntEnum):
@@ -30,33 +31,37 @@ class Sealed(IntEnum):
 
 
 def seal(key: bytes, data: bytes) -> bytes:
-    """Return data with their seal behind."""
+    """Return data followed by their seal."""
     return data + blake2s(data, key=key, digest_size=SEAL).digest()
 
 
 def unsealed(key: bytes, datagram: bytes) -> bytes | None:
-    """Return the sealed data; None where the seal is not that of the key."""
+    """Return the data of a datagram; None if its seal does not fit the key."""
     data, found = datagram[:-SEAL], datagram[-SEAL:]
     good = blake2s(data, key=key, digest_size=SEAL).digest()
     return data if hmac.compare_digest(good, found) else None
 
 
 def session_key(key: bytes, host: bytes, board: bytes) -> bytes:
-    """Return the key of a session of two random numbers."""
+    """Return the key of a session from the random numbers of host and board."""
     return blake2s(b"dermis session" + host + board, key=key).digest()
 
 
 def pairing_check(key: bytes) -> bytes:
-    """Return the answer of a board that has kept a key: 8 bytes that show it and do not tell it."""
+    """Return the answer of a board that has stored a key.
+
+    The 8 bytes prove that the board has the key, and do not reveal it.
+    """
     return blake2s(b"dermis paired", key=key, digest_size=8).digest()
 
 
 @dataclass
 class HostSeals:
-    """The host's side of one session after the other; `ask` begins another.
+    """The host's side of the sessions.
 
     Attributes:
-        opened: datagrams can be sent. busy: the board is armed for another session. forged: datagrams without a seal.
+        key: secret of the pair. opened: whether datagrams can be sent. busy: the board is armed for another session.
+        forged: number of datagrams without a valid seal.
     """
 
     key: bytes
@@ -72,9 +77,12 @@ class HostSeals:
     _clock: int = 0
 
     def ask(self) -> bytes:
-        """Return the next datagram of the handshake: ASK until the board has made an offer, then OPEN."""
+        """Return the next datagram of the handshake.
+
+        It is ASK until the board has made an offer, then OPEN. After `TRIES` datagrams another handshake begins.
+        """
         self._asked += 1
-        if self._asked % TRIES == 0 or not self._nonce:  # its offer may have been used up
+        if self._asked % TRIES == 0 or not self._nonce:  # the board may have used its offer up
             self._nonce, self._offer = os.urandom(NONCE), b""
         kind = Sealed.OPEN if self._offer else Sealed.ASK
         return seal(self.key, MARK + bytes((kind,)) + self._nonce + self._offer)
@@ -85,7 +93,10 @@ class HostSeals:
         return seal(self._session, _HEAD.pack(MARK, Sealed.TO_BOARD, self._out, self._clock) + data)
 
     def unseal(self, datagram: bytes) -> bytes:
-        """Return the bytes of the session in a datagram; b'' for those of the handshake, copies and forged ones."""
+        """Return the bytes of the session in a datagram.
+
+        They are b'' for a datagram of the handshake, for a copy and for a forged one.
+        """
         kind = datagram[2] if len(datagram) >= OVERHEAD and datagram.startswith(MARK) else 0
         if kind in (Sealed.OFFER, Sealed.BUSY):
             data = unsealed(self.key, datagram)
@@ -108,7 +119,11 @@ class HostSeals:
 
 @dataclass
 class BoardSeals:
-    """The board's side, as sealed.h has it, for simulated boards; `clock_ms` is the board's [ms]."""
+    """The board's side of the sessions, for simulated boards, as in sealed.h.
+
+    Attributes:
+        key: secret of the pair. clock_ms: returns the board's clock [ms].
+    """
 
     key: bytes
     clock_ms: Callable[[], int]
@@ -125,9 +140,10 @@ class BoardSeals:
         return seal(self._session, _HEAD.pack(MARK, Sealed.FROM_BOARD, self._out, clock) + data)
 
     def take(self, datagram: bytes, *, held: bool) -> tuple[bytes, list[bytes]]:
-        """Return the bytes of the session in a datagram, and datagrams that answer it.
+        """Return the bytes of the session in a datagram, and the answers to it.
 
-        `held`: the session in force may not be taken over.
+        Args:
+            datagram: received bytes. held: whether another host may not take the present session over.
         """
         kind = datagram[2] if len(datagram) >= OVERHEAD and datagram.startswith(MARK) else 0
         if kind in (Sealed.ASK, Sealed.OPEN):

@@ -1,4 +1,4 @@
-"""Behaviour of a board that receives no more commands: one declaration, for all who need to know it."""
+"""Behaviour of a board that receives no more commands."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from enum import Enum
 class Does(Enum):
     """Behaviour of the actuators once a board has heard nothing for long enough."""
 
-    RETRACTS = "retracts"  # they go to the safe state
-    STOPS = "stops"  # they stay where they are, and hold on
-    LETS_GO = "lets-go"  # they get no more power, so they can be anywhere
-    KEEPS = "keeps"  # they stay at the last command, however long that lasts
-    UNKNOWN = "unknown"  # nobody has said
+    RETRACTS = "retracts"  # the actuators go to the safe state
+    STOPS = "stops"  # the actuators stop at their present pose, and hold it with power
+    LETS_GO = "lets-go"  # the actuators get no more power, so they can be anywhere
+    KEEPS = "keeps"  # the actuators stay at the last command, without any time limit
+    UNKNOWN = "unknown"  # nobody has declared the behaviour
 
 
 PHRASES: Mapping[Does, str] = {
@@ -24,8 +24,8 @@ PHRASES: Mapping[Does, str] = {
     Does.KEEPS: "keeps its last commands",
     Does.UNKNOWN: "does something that nobody has declared",
 }
-SIGNS = 3  # signs of life within a board's silence: two of them may be late [1]
-SENDER_AFTER = 0.1  # a sender judges itself silent after this long where the board has no time of its own [s]
+SIGNS = 3  # [1] signs of life within a board's silence time: two of them may be late
+SENDER_AFTER = 0.1  # [s] a sender counts itself as silent after this time if the board declares none
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Silence:
     """A board's declared behaviour in silence.
 
     Attributes:
-        does: behaviour of the actuators. after: after how much silence [s]; for a board that does nothing by itself the
+        does: behaviour of the actuators. after: silence before that behaviour [s]. If the board does nothing by itself,
             time after which the sender counts itself as silent.
         by: who acts then, 'board' or 'sender'.
     """
@@ -44,15 +44,18 @@ class Silence:
 
     @property
     def watched(self) -> bool:
-        """Return whether the board itself ends a movement when its sender falls silent."""
+        """Return whether the board itself retracts or lets go in silence."""
         return self.by == "board" and self.does in (Does.RETRACTS, Does.LETS_GO)
 
     @property
     def holds(self) -> bool:
-        """Return whether the pose is known after a silence: the last one commanded, or the safe one."""
+        """Return whether a pose is held after a silence.
+
+        The actuators then hold the last commanded pose, their pose on the way there, or the safe pose.
+        """
         return self.does in (Does.RETRACTS, Does.STOPS, Does.KEEPS)
 
     def __str__(self) -> str:
-        """Say it to a person."""
+        """Return the behaviour as a phrase for people."""
         after = "" if self.does in (Does.KEEPS, Does.UNKNOWN) else f" after {1e3 * self.after:.0f} ms"
         return f"in silence it {PHRASES[self.does]}{after}"

@@ -1,8 +1,8 @@
-"""Boards that take motor torques over UDP at 1 kHz and report angles: the sender closes the position loop.
+"""Boards that take motor torques over UDP at 1 kHz and report angles.
 
-[S3] describes its board so far and names no bytes; this is a format for one. Little-endian datagrams:
-to the board `"DT"`, u16 sequence, f32 torque for each motor [N m]; from the board `"DA"`, u16 sequence of the datagram
-that it answers, f32 angle for each motor [rad].
+The sender closes the position loop. [S3] describes such a board without its byte format, so the format here is that of
+Dermis. Datagrams are little-endian. To the board: `"DT"`, u16 sequence number, f32 torque for each motor [N m]. From
+the board: `"DA"`, u16 sequence number of the datagram that it answers, f32 angle for each motor [rad].
 Source: [S3] section 3.3
 """
 
@@ -21,17 +21,18 @@ from .wire import Wire
 
 HEAD = struct.Struct("<2sH")
 TO_BOARD, FROM_BOARD = b"DT", b"DA"
-FRESH = 0.01  # an angle older than this closes no loop: no torque [s]
-POLL_EVERY = 0.01
-SILENCE, SILENCE_ARMED = 1.0, 0.08  # a board that has not answered for this long is gone [s]
-ABSENT = 0.03  # when this sender did not listen for so long, that time says nothing about the board [s]
+FRESH = 0.01  # [s] with an angle older than this, the loop commands no torque
+POLL_EVERY = 0.01  # [s] time between two questions for the angles while the board is not armed
+SILENCE, SILENCE_ARMED = 1.0, 0.08  # [s] a board without an answer for this long is gone; the second while it is armed
+ABSENT = 0.03  # [s] if this sender itself paused for longer, the pause does not count as the board's silence
 
 
 class Torque(Adapter):
-    """A torque board.
+    """A torque board, with a position loop in the sender.
 
-    Options: `torque` limit [N m], `inertia` of a motor at its pulley [kg m2], `loop_hz` of the position loop, and the
-    `stiffness` of the skin [N m/rad], which is fed forward.
+    Options: `torque`: torque limit [N m]. `inertia`: inertia of a motor at its pulley [kg m2]. `loop_hz`: bandwidth of
+    the position loop [Hz]. `stiffness`: stiffness of the skin at a pulley [N m/rad], for the feedforward torque.
+    `silence`, `silence_ms`: declared behaviour of the board in silence.
     """
 
     name, title = "torque", "Torque board"
@@ -59,7 +60,8 @@ class Torque(Adapter):
                 where=self.title,
                 value=f"{self.torque:g} N m, {inertia:g} kg m2",
             )
-        # A third pole for the integrator, which holds against the skin: (s + w)^3 of a bare inertia.
+        # The gains put all three poles of a bare inertia with an integrator at -w: (s + w)^3. The integrator holds the
+        # pose against the skin.
         self.gains = (3 * inertia * omega**2, 3 * inertia * omega, inertia * omega**3)
         self.stiffness = self.number("stiffness", _stiffness(wire))
         self.command_bytes = HEAD.size + 4 * wire.count
@@ -71,14 +73,17 @@ class Torque(Adapter):
         self._heard = self._alive = self._stepped = -math.inf
         self._due = self._polled = -1.0
         self._asked: dict[int, float] = {}
-        self._let_go: int | None = None  # first datagram of a safe state that the board has not answered
+        self._let_go: int | None = None  # sequence number of the first datagram of an unconfirmed safe state
 
     def opened(self, now: float) -> None:
-        """Begin: nothing is known of the board before it has reported its angles."""
+        """Begin; the board is ready once it has reported its angles."""
         self.ready = False
 
     def poll(self, now: float) -> list[bytes]:
-        """Ask for angles with no torque while nothing is armed."""
+        """Return a datagram without torque that asks for angles, if one is due.
+
+        While the board is armed, the commands ask for them.
+        """
         if now - self._polled > ABSENT:
             self._alive += now - self._polled
         self._polled = now
@@ -91,7 +96,7 @@ class Torque(Adapter):
         return [self._pack(np.zeros(self.wire.count), now)]
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take the angles of one datagram."""
+        """Process the angles of one datagram."""
         if len(data) != HEAD.size + 4 * self.wire.count or not data.startswith(FROM_BOARD):
             self.counters["malformed"] += 1
             if not self.ready and data.startswith(FROM_BOARD):
@@ -111,7 +116,7 @@ class Torque(Adapter):
             self._let_go = None
         step = now - self._heard
         if self._angle is not None and 1e-4 < step < FRESH:
-            # One pole over about three samples: an encoder's step is not a speed.
+            # A one-pole filter over about three samples: the step of an encoder would appear as a large speed.
             self._speed += 0.5 * ((angle - self._angle) / step - self._speed)
         elif self._angle is None or step >= FRESH:
             self._speed = np.zeros(self.wire.count)
@@ -121,14 +126,17 @@ class Torque(Adapter):
         self.pose, self.pose_at = angle, now
 
     def arm(self) -> None:
-        """Start the loop without its earlier sum."""
+        """Arm, with the integrator of the position loop at 0."""
         self._sum[:] = 0
         self._stepped = -math.inf
         self._let_go = None
         super().arm()
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
-        """Return the torques that bring the motors there, within the limit; none without a fresh angle."""
+        """Return the torques of the position loop, within the torque limit.
+
+        Without a fresh angle all torques are 0.
+        """
         if self._angle is None or now - self._heard > FRESH:
             self.counters["no fresh angle, so no torque"] += 1
             self._sum[:] = 0
@@ -141,18 +149,18 @@ class Torque(Adapter):
         torque = self.stiffness * values + proportional * error + self._sum + derivative * (wanted_speed - self._speed)
         held = np.clip(torque, -self.torque, self.torque)
         saturated = held != torque
-        # Torque that cannot be driven is not summed up.
+        # While the torque is limited, the integrator does not grow further in that direction.
         self._sum += np.where(saturated & (np.sign(error) == np.sign(torque)), 0.0, integral * error * step)
         self.counters["torque limited"] += int(saturated.sum())
         self._stepped = now
         return [self._pack(held, now)]
 
     def retract(self) -> list[bytes]:
-        """Return no torque at all."""
+        """Return datagrams without torque, which let the motors go."""
         return self.safe()
 
     def safe(self) -> list[bytes]:
-        """Return no torque at all."""
+        """Return datagrams without torque, which let the motors go."""
         super().safe()
         if self.ready:
             self._let_go = (self._sequence + 1) & 0xFFFF
@@ -160,7 +168,7 @@ class Torque(Adapter):
 
     @property
     def settled(self) -> bool:
-        """Return whether the board has answered a datagram without torque."""
+        """Return whether the board has answered a datagram of the last `safe`."""
         return self._let_go is None
 
     def _pack(self, torque: Array, now: float) -> bytes:
@@ -172,7 +180,10 @@ class Torque(Adapter):
 
 
 def _stiffness(wire: Wire) -> float:
-    """Return the skin's stiffness at a pulley [N m/rad]: the mean of the preset's bounds, at the links' length."""
+    """Return the skin's stiffness at a pulley [N m/rad].
+
+    It is the mean of the preset's lower and upper stiffness, times the square of the links' length.
+    """
     given = wire.spec.parameters
     low, high = (float(given.get(f"skin_stiffness_{end}", 0.0)) for end in ("low", "high"))
     return 0.5 * (low + high) * float(given.get("link_length", 0.0)) ** 2

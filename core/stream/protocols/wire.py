@@ -1,4 +1,7 @@
-"""The part of a device that goes over the wire: its channels with an actuator, and the state that is safe."""
+"""The part of a device that a sender drives.
+
+It is the channels with an actuator, their limits, and the safe state.
+"""
 
 from __future__ import annotations
 
@@ -18,22 +21,27 @@ from ...errors import DermisError
 from .packets import FULL, Reach
 
 REACH = {"at_once": Reach.AT_ONCE, "ramp": Reach.RAMP, "release": Reach.RELEASE}
-SAFE_SWEEP = 1.0  # a channel that states no speed is ramped to its safe value at its range over this [s]
-POSES = ("m", "rad", "1")  # units of poses, which a calibration moves; no force and no voltage stays none
+SAFE_SWEEP = 1.0  # [s] time in which a channel without a stated speed crosses its range on the ramp to its safe value
+POSES = ("m", "rad", "1")  # units of poses. A calibration moves a safe pose; a safe force or voltage of 0 stays 0
 
 
 @dataclass(frozen=True)
 class Wire:
-    """The description of a device for a sender; every array has one entry for each channel on the wire.
+    """The description of a device for a sender.
+
+    Every array has the shape (channels,), with one entry for each channel that drives an actuator.
 
     Attributes:
-        spec: the device. columns: of its tracks. names, units: of the channels.
-        range_low, range_high: that counts stand for [unit]; -inf and inf where there is none.
-        slew: largest change a second, inf where there is no limit. rest: the neutral pose.
-        safe: values of the safe state as they are driven, calibrated. reach: how it is reached.
-        zero, gain: of the calibration. responses: its measured curves. frequency: its frequency responses, by entry.
-        lower_limit, upper_limit: limits of the driven values: the narrowest of preset, calibration and measured curve.
-        disc: two entries that share a round range, and its radius.
+        spec: device preset. columns: index of each channel in the preset and in tracks.
+        names, units: names and units of the channels.
+        range_low, range_high: values at the smallest and the largest count [units]; -inf and inf without a range.
+        slew: slew limit [units/s], inf without a limit. rest: neutral pose [units].
+        safe: driven values of the safe state, after calibration [units]. reach: transition to the safe state.
+        zero, gain: zero and gain of the calibration. responses: its measured curves.
+        frequency: its frequency responses, by index of the channel in these arrays.
+        lower_limit, upper_limit: limits of the driven values [units]: the narrowest of preset, calibration and
+            measured curve.
+        disc: indices of two channels that share a disc as their range, and its radius [units]; None without one.
     """
 
     spec: DeviceSpec
@@ -58,13 +66,14 @@ class Wire:
     def of(cls, spec: DeviceSpec, calibration: Calibration | None = None) -> Wire:
         """Read a device preset and its calibration.
 
-        A worn device's safe pose is moved by zero and gain as every other pose is, so that the platform comes to stand
-        where the preset says. A screen's voltage and a pin's force are not: none is none. Limits that do not contain
-        the safe state are refused, since one of the two would have to be broken.
+        Zero and gain apply to a worn device's safe pose as to every other pose, so that the platform stands at the
+        preset's pose. They do not apply to a voltage or a force, so a safe value of 0 stays 0. Limits that exclude the
+        safe state are refused, because one of the two would have to be broken.
 
         Raises:
-            DermisError: no channel drives an actuator, a worn device without a safe value or a speed for each that
-                does, a safe state that is none, a calibration that does not fit.
+            DermisError: no channel drives an actuator, more than 255 channels do, or two drive the same actuator;
+                a channel of a worn device lacks a safe value or a speed; the safe state is invalid, or the limits
+                exclude it; or the calibration does not fit the device.
         """
         columns = tuple(i for i, c in enumerate(spec.channels) if c.actuator)
         if not columns:
@@ -134,27 +143,33 @@ class Wire:
         return self.commanded(self.safe)
 
     def commanded(self, driven: Array) -> Array:
-        """Return the command that drives values [units], shape (channels,).
+        """Return the command for driven values [units], shape (channels,).
 
-        With a measured curve: where that puts the actuator, but for half of its play.
+        An actuator with a measured curve is assumed midway between the curve's two directions, so its pose is off by
+        up to half of the curve's play.
         """
         return (self.responses.reached(driven) - self.zero) / self.gain
 
     @property
     def latency(self) -> float:
-        """How long the slowest actuator with a measured curve takes to answer [s]."""
+        """The largest latency of the measured curves [s]; 0 without any."""
         return max((curve.latency for curve in self.responses.curves.values()), default=0.0)
 
     @property
     def safe_slew(self) -> Array:
-        """Speed at which the safe state is ramped to [units/s], shape (channels,); inf where nothing tells one."""
+        """Speed of the ramp to the safe state [units/s], shape (channels,).
+
+        It is infinite for a channel without a slew limit and without a range.
+        """
         return np.where(np.isfinite(self.slew), self.slew, (self.range_high - self.range_low) / SAFE_SWEEP)
 
     @property
     def safe_seconds(self) -> float:
-        """How long the way to the safe state takes from the far end of every channel [s]; inf where there is no end.
+        """Longest duration of the ramp to the safe state [s].
 
-        It counts from when the way begins. A jump takes none; a device that lets go may ramp there before.
+        It is that of a ramp from the farthest limit of every channel, counted from the start of the ramp: infinite
+        if a channel has no limit, 0 if the safe state is reached at once. A device that lets go may be ramped to its
+        safe values before, so it has a duration, too.
         """
         if self.reach == Reach.AT_ONCE:
             return 0.0
@@ -164,7 +179,7 @@ class Wire:
 
     @property
     def hash(self) -> bytes:
-        """First 8 bytes of the preset's hash."""
+        """First 8 bytes of the preset's hash, filled up with zeros."""
         try:
             return bytes.fromhex(self.spec.hash)[:8].ljust(8, b"\0")
         except ValueError:
@@ -188,7 +203,10 @@ class Wire:
             )
 
     def counts(self, values: Array, full: int = FULL) -> NDArray[np.uint16]:
-        """Return values [units] as counts from 0 to `full` over each channel's range; the caller has limited them."""
+        """Return values [units] as counts from 0 to `full` over each range.
+
+        Values outside a channel's range become its first or last count.
+        """
         part = (values - self.range_low) / (self.range_high - self.range_low)
         return np.rint(np.minimum(np.maximum(part, 0.0), 1.0) * full).astype(np.uint16)
 
@@ -197,17 +215,22 @@ class Wire:
         return self.range_low + (self.range_high - self.range_low) * (counts / full)
 
     def named(self, values: Array) -> dict[str, float]:
-        """Return values by the names of their channels, for people and JSON."""
+        """Return values by channel name, for people and JSON."""
         return dict(zip(self.names, values.tolist(), strict=True))
 
     def slew_counts(self, full: int = FULL) -> NDArray[np.uint16]:
-        """Return the largest change in counts a millisecond, at least 1 and at most 65535."""
+        """Return the slew limits in counts a millisecond, from 1 to 65535."""
         part = self.slew / (self.range_high - self.range_low) * full / 1000.0
         return np.clip(np.floor(part), 1, 65535).astype(np.uint16)
 
 
 def _responses(calibration: Calibration, channels: list[Channel], lower: Array, upper: Array) -> Responses:
-    """Return the measured curves; a quantity that is no pose has to be 0 where nothing is driven, on every way."""
+    """Return the measured curves of channels.
+
+    Raises:
+        DermisError: a curve is much wider than its channel's range; or the curve of a force or a voltage does not
+            contain 0 -> 0, or has play.
+    """
     curves = {}
     for k, channel in enumerate(channels):
         entry = calibration.entries.get(channel.name)
@@ -236,7 +259,7 @@ def _responses(calibration: Calibration, channels: list[Channel], lower: Array, 
 
 
 def _check_worn(spec: DeviceSpec, reach: Reach) -> None:
-    """Refuse a worn device that does not say where, and how fast, it lets a finger go."""
+    """Refuse a worn device without safe values, or without speeds for a ramp."""
     if bare := bare_channels(spec):
         raise DermisError(
             "a worn device states no safe pose, and at rest it may press the finger that is in it",
@@ -256,8 +279,8 @@ def _check_worn(spec: DeviceSpec, reach: Reach) -> None:
 
 
 def _check_safe(spec: DeviceSpec, names: list[str], safe: Array, lower: Array, upper: Array) -> None:
-    """Refuse limits that leave the safe state outside."""
-    slack = 1e-9 * np.maximum(np.abs(safe), 1e-3)  # rounding error of units
+    """Refuse limits that exclude the safe state."""
+    slack = 1e-9 * np.maximum(np.abs(safe), 1e-3)  # rounding errors of unit conversions
     outside = np.flatnonzero((safe < lower - slack) | (safe > upper + slack))
     if outside.size:
         k = int(outside[0])

@@ -1,7 +1,7 @@
-"""One half-duplex line to several servos: questions in rounds, between commands, and whoever does not answer.
+"""One half-duplex line to several servos: rounds of questions, and missing answers.
 
-One line carries commands and answers, so nothing is sent while an answer may be on its way: a question leaves right
-behind a command, and the next command waits for the answer (`Adapter.busy`).
+The same line carries commands and answers, so nothing may be sent while an answer is expected. While the servos are
+armed, a question is sent right after a command, and the next command waits for the answer (`Adapter.busy`).
 """
 
 from __future__ import annotations
@@ -16,21 +16,27 @@ from . import servo as words
 from .questions import Question, Questions, Round
 from .servo import Answer, Servo
 
-READ_EVERY = 0.05  # the servos are asked for their measurements this often [s]
-MISSES = 3  # so many rounds in a row without an answer, and a servo is gone
+READ_EVERY = 0.05  # [s] time between two rounds of measurements
+MISSES = 3  # a servo is gone after so many rounds in a row without its answer
 
 
 class Taken(NamedTuple):
-    """What begins with a header: its bytes, and the answers in it; None where it is damaged."""
+    """The packet at a header.
+
+    Attributes:
+        size: number of bytes to take from the buffer. answers: answers in the packet; None if it is damaged.
+    """
 
     size: int
     answers: list[Answer] | None
 
 
 def scan(buffer: bytes, header: bytes, take: Callable[[bytes], Taken | None]) -> tuple[list[Answer], bytes, int]:
-    """Return the whole answers in a buffer, the rest of it, and the number of damaged ones.
+    """Return complete answers, unused bytes and the number of damaged answers.
 
-    `take`: reads what begins with a header; None where more bytes of it have to come.
+    Args:
+        buffer: received bytes. header: first bytes of every packet.
+        take: reads the packet at the start of its argument; returns None if the packet is not complete yet.
     """
     found: list[Answer] = []
     damaged = 0
@@ -46,19 +52,19 @@ def scan(buffer: bytes, header: bytes, take: Callable[[bytes], Taken | None]) ->
 
 
 def rows(data: Mapping[int, bytes]) -> bytes:
-    """Return ids and bytes of a message to several servos."""
+    """Return each servo's id and bytes, for a message to several servos."""
     return b"".join(bytes((servo,)) + value for servo, value in data.items())
 
 
 class BusLine(Adapter):
-    """The line, whatever servos are on it.
+    """A line with servos of any maker.
 
     Class attributes:
         OVERHEAD: bytes of an answer beside its registers. TORQUE: register that switches a servo's torque.
         IDENTITY, PRESENT, ENABLED: first register and number of registers of each round.
 
     Attributes:
-        ids: of the servos, in the channels' order. questions: to them.
+        ids: ids of the servos, in the order of the channels. questions: questions to the servos.
     """
 
     tells_pose, baud, bears = True, 1_000_000, 0.001
@@ -70,7 +76,7 @@ class BusLine(Adapter):
         self.ids: tuple[int, ...] = ()
         self.questions = Questions(self.OVERHEAD)
         self._servos: dict[int, Servo] = {}
-        self._writes: list[bytes] = []  # leave before the next question
+        self._writes: list[bytes] = []  # messages to send before the next question
         self._buffer, self._noise = b"", False
         self._read_at = self._said_at = -math.inf
         self._wants_arm = self._fresh = self._letting_go = False
@@ -83,7 +89,7 @@ class BusLine(Adapter):
         raise NotImplementedError
 
     def _asking(self, register: int, size: int) -> list[Question]:
-        """Return questions for registers of all servos: as few as the protocol takes."""
+        """Return questions for registers of all servos, as few as possible."""
         raise NotImplementedError
 
     def _write(self, register: int, data: Mapping[int, bytes]) -> bytes:
@@ -91,15 +97,18 @@ class BusLine(Adapter):
         raise NotImplementedError
 
     def _parse(self, buffer: bytes) -> tuple[list[Answer], bytes, int]:
-        """Return whole answers, the rest of the buffer, and how many answers were damaged."""
+        """Return complete answers, unused bytes and the number of damaged answers."""
         raise NotImplementedError
 
     def _without_fast(self) -> bool:
-        """Take a slower question where nobody answers the fast one; return whether there is one."""
+        """Replace the fast question, which nobody answered, by a slower one.
+
+        Return whether there is a slower one.
+        """
         return False
 
     def _over(self, now: float) -> None:
-        """Judge a round."""
+        """Evaluate the answers of a round."""
         raise NotImplementedError
 
     def _ask_one(self, register: int, size: int, servo: int) -> Question:
@@ -110,17 +119,20 @@ class BusLine(Adapter):
         return self._write(register, dict.fromkeys(self.ids, bytes((value,))))
 
     def _torque(self, on: bool) -> bytes:
-        """Return the message that switches every torque."""
+        """Return the message that switches every servo's torque."""
         return self._all(self.TORQUE, int(on))
 
     # -- time passes
 
     def opened(self, now: float) -> None:
-        """Begin with the servos' identities."""
+        """Begin a round of questions for the servos' identities."""
         self.questions.begin(Round.IDENTITY, (self._ask_one(*self.IDENTITY, servo) for servo in self.ids))
 
     def poll(self, now: float) -> list[bytes]:
-        """Return the question that is due. While the servos are armed questions leave behind commands."""
+        """Return the question that is due.
+
+        There is none while the servos are armed: `command` then sends the questions.
+        """
         if self.questions.open is not None and now > self.questions.until:
             self._missed()
         if not self.armed and self.ready and self.questions.round is None:
@@ -129,7 +141,7 @@ class BusLine(Adapter):
         return [] if self.armed else self._next(now)
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take answers; damaged ones are dropped and counted."""
+        """Process answers; damaged ones are dropped and counted."""
         answers, self._buffer, damaged = self._parse(self._buffer + data)
         self._noise = True
         if damaged:
@@ -139,7 +151,7 @@ class BusLine(Adapter):
             self._take(answer, now)
 
     def forget(self) -> None:
-        """Wait for no answer: the question may not have left."""
+        """Wait for no answer, because the question may not have been sent."""
         if self.ready and not self._wants_arm:
             self.questions.end()
             self.busy = False
@@ -154,7 +166,10 @@ class BusLine(Adapter):
         self.questions.begin(Round.ENABLED, self._asking(*self.ENABLED))
 
     def _next(self, now: float) -> list[bytes]:
-        """Return the writes before the next question, and the question, unless an answer is on its way."""
+        """Return waiting writes and the next question.
+
+        There is neither while an answer is expected.
+        """
         if self.questions.open is not None or not self.questions.more:
             return []
         writes, self._writes = self._writes, []
@@ -173,7 +188,7 @@ class BusLine(Adapter):
                 self._over(now)
 
     def _missed(self) -> None:
-        """Go on after a question that not every servo answered."""
+        """Continue after a question that not every servo answered."""
         absent, what = self.questions.missed(), self.questions.round
         self._buffer, self.busy = b"", False
         if what is Round.IDENTITY:

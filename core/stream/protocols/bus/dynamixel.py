@@ -1,7 +1,7 @@
 """Dynamixel servos of the X and MX families, protocol 2.0.
 
 Source: ROBOTIS e-Manual, 'DYNAMIXEL Protocol 2.0' (packets, CRC-16, stuffing) and the control tables of the X series.
-Packets are held against the maker's own dynamixel_sdk in the tests.
+The tests compare the packets with those of the maker's dynamixel_sdk.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from .servo_bus import ServoBus
 
 HEADER, BROADCAST = b"\xff\xff\xfd\x00", 0xFE
 READ, WRITE, STATUS, SYNC_READ, SYNC_WRITE, FAST_SYNC_READ = 0x02, 0x03, 0x55, 0x82, 0x83, 0x8A
-LONGEST = 1024  # the maker's SDK takes no longer packet [bytes]
+LONGEST = 1024  # [bytes] longest packet of the maker's SDK
 
 # Control table: the address of each entry.
 MODEL, FIRMWARE, MODE, TEMPERATURE_LIMIT, HIGHEST, LOWEST = 0, 6, 11, 31, 48, 52
 TORQUE, ERRORS, BUS_WATCHDOG, GOAL, CURRENT, POSITION, VOLTAGE, TEMPERATURE = 64, 70, 98, 116, 126, 132, 144, 146
-TURN, MIDDLE = 4096, 2048  # counts
-WATCH_UNIT = 20  # of the bus watchdog [ms]
-STOPPED = 0xFF  # the bus watchdog has stopped the servo
+TURN, MIDDLE = 4096, 2048  # [counts] a whole turn, and the middle position
+WATCH_UNIT = 20  # [ms] unit of the bus watchdog
+STOPPED = 0xFF  # value of the bus watchdog once it has stopped the servo
 POSITION_MODES = (3, 4, 5)  # position, extended position, current-based position
 
-# One count of current [A]: 'Present Current(126)' and 'Goal Current(102)' of each model's page in the e-Manual. Others
-# measure the load alone, or their page was not looked at.
+# [A] one count of current: 'Present Current(126)' and 'Goal Current(102)' of each model's page in the e-Manual. NaN:
+# the model measures the load alone, or its page was not consulted.
 _1, _134, _269 = 1.0e-3, 1.34e-3, 2.69e-3
 MODELS: Mapping[int, tuple[str, float]] = {
     30: ("MX-28", math.nan),
@@ -57,7 +57,7 @@ MODELS: Mapping[int, tuple[str, float]] = {
     1230: ("XC330-M181", _1),
     1240: ("XC330-M288", _1),
 }
-HARDWARE = ("input voltage", "", "overheating", "motor encoder", "electrical shock", "overload")  # bits of ERRORS
+HARDWARE = ("input voltage", "", "overheating", "motor encoder", "electrical shock", "overload")  # by bit of ERRORS
 
 
 def _table() -> tuple[int, ...]:
@@ -74,7 +74,10 @@ _CRC = _table()
 
 
 def crc16(data: bytes) -> int:
-    """Return the CRC of a packet: polynomial 0x8005, from 0, highest bit first."""
+    """Return the CRC-16 of a packet.
+
+    Its polynomial is 0x8005, its initial value 0, and the highest bit comes first.
+    """
     rest = 0
     for byte in data:
         rest = rest << 8 & 0xFFFF ^ _CRC[rest >> 8 ^ byte]
@@ -82,7 +85,11 @@ def crc16(data: bytes) -> int:
 
 
 def packet(servo: int, instruction: int, parameters: bytes) -> bytes:
-    """Return a packet; three bytes of a header within it are followed by a fourth that tells it from one."""
+    """Return a packet with header, byte stuffing and CRC.
+
+    If the first three bytes of a header occur within the packet, a stuffed byte follows them, so that they cannot be
+    taken for a header.
+    """
     body = (bytes((instruction,)) + parameters).replace(b"\xff\xff\xfd", b"\xff\xff\xfd\xfd")
     whole = HEADER + struct.pack("<BH", servo, len(body) + 2) + body
     return whole + struct.pack("<H", crc16(whole))
@@ -94,27 +101,34 @@ def read(servo: int, register: int, size: int) -> bytes:
 
 
 def sync_read(ids: Iterable[int], register: int, size: int, *, fast: bool) -> bytes:
-    """Return a question for the same registers of several servos; fast: all of them answer in one packet."""
+    """Return a question for the same registers of several servos.
+
+    `fast`: all of them answer in one packet.
+    """
     return packet(BROADCAST, FAST_SYNC_READ if fast else SYNC_READ, struct.pack("<HH", register, size) + bytes(ids))
 
 
 def sync_write(register: int, data: Mapping[int, bytes]) -> bytes:
-    """Return one message that writes the same registers of several servos; nobody answers it."""
+    """Return one message that writes the same registers of several servos.
+
+    No servo answers it.
+    """
     size = len(next(iter(data.values())))
     return packet(BROADCAST, SYNC_WRITE, struct.pack("<HH", register, size) + rows(data))
 
 
 def answers(buffer: bytes, size: int) -> tuple[list[Answer], bytes, int]:
-    """Return the whole answers in a buffer, the rest of it, and the number of damaged ones.
+    """Return complete answers, unused bytes and the number of damaged answers.
 
-    `size`: registers of each servo in the answer to a fast question.
+    Args:
+        buffer: received bytes. size: number of registers of each servo in the answer to a fast question.
     """
 
     def take(data: bytes) -> Taken | None:
         if len(data) < 11:
             return None
         servo, length, instruction = struct.unpack_from("<BHB", data, 4)
-        if instruction != STATUS or not 4 <= length <= LONGEST:  # another program's question, an echo, or rubbish
+        if instruction != STATUS or not 4 <= length <= LONGEST:  # another program's question, an echo, or noise
             return Taken(4, [])
         whole = data[: 7 + length]
         if len(whole) < 7 + length:
@@ -132,9 +146,11 @@ def answers(buffer: bytes, size: int) -> tuple[list[Answer], bytes, int]:
 
 
 class Dynamixel(ServoBus):
-    """Dynamixel. Options beside those of every bus: `watchdog_ms`: time after which a servo stops in silence.
+    """Dynamixel servos.
 
-    The bus watchdog stops a servo where it is, and it holds on. It is switched on at Arm.
+    Options beside those of every bus: `watchdog_ms`: time after which a servo stops in silence [ms].
+    In silence the bus watchdog stops a servo at its present position, which it holds with torque. The watchdog is
+    switched on by Arm.
     """
 
     name, title = "dynamixel", "Dynamixel"
@@ -186,7 +202,7 @@ class Dynamixel(ServoBus):
             names = ", ".join(n for bit, n in enumerate(HARDWARE) if n and data[ERRORS] >> bit & 1)
             fault = f"it reports a hardware error ({names}). Remove the cause, then switch its supply off and on"
         if mode != 3:
-            low, high = -(256 * TURN), 256 * TURN  # the position limits count in mode 3 alone
+            low, high = -(256 * TURN), 256 * TURN  # the servo's position limits apply in mode 3 alone
         return Servo(model, low, high, hottest, ampere, fault)
 
     def _measured(self, servo: Servo, answer: Answer) -> Present:
@@ -207,7 +223,10 @@ class Dynamixel(ServoBus):
         return struct.pack("<i", count)
 
     def _revived(self) -> list[bytes]:
-        """Return the end of the watchdog's error, without which goals are refused, and the watchdog set anew."""
+        """Return messages that clear the watchdog's error and start it again.
+
+        Until the error is cleared, a servo refuses goals.
+        """
         return [self._all(BUS_WATCHDOG, 0), self._all(BUS_WATCHDOG, self._watch)]
 
     def _unarmed(self, answer: Answer) -> str:

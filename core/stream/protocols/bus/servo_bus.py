@@ -1,4 +1,4 @@
-"""Smart servos on one line, whatever their maker: Connect, Arm, commands, and measurements."""
+"""Smart servos on one line: Connect, Arm, commands and measurements for every maker."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ from .servo import HIGHEST_ID, Answer, Limits, Present, Servo, ids_of
 
 
 class ServoBus(BusLine):
-    """Servos on one line; a maker's protocol is a class derived from this one.
+    """Servos on one line, the base class of every maker's protocol.
 
-    Channel k is the servo `first` + k, or the k-th of `ids`. Options: `zero`: position that stands for 0 rad [counts].
-    `hottest_c`, `most_ma`, `most_lag_deg`: limits on the servos' reports; beyond one the stream ends.
+    Options: `first`: id of the first servo; channel k is servo `first` + k. `ids`: ids of all servos instead.
+    `zero`: position that stands for 0 rad [counts]. `hottest_c`, `most_ma`, `most_lag_deg`: limits of temperature
+    [degC], current [mA] and lag behind the command [deg]. Beyond a limit the stream ends.
 
     Attributes:
-        DELIVERED: a new servo's settings, in words. GOAL: register of the position that a servo goes to.
+        DELIVERED: settings of a new servo, in words. GOAL: register of the position that a servo goes to.
     """
 
     OPTIONS: tuple[str, ...] = ("first", "ids", "zero", "hottest_c", "most_ma", "most_lag_deg")
@@ -61,7 +62,7 @@ class ServoBus(BusLine):
     # -- the maker's protocol
 
     def _scale(self) -> tuple[float, int]:
-        """Return counts a radian, and the position that stands for 0 rad where nobody says."""
+        """Return counts a radian, and the default position of 0 rad [counts]."""
         raise NotImplementedError
 
     def _describe(self, data: bytes) -> Servo:
@@ -73,26 +74,29 @@ class ServoBus(BusLine):
         raise NotImplementedError
 
     def _word(self, count: int) -> bytes:
-        """Return a position as a servo's registers have it."""
+        """Return the bytes of a position [counts] in a servo's registers."""
         raise NotImplementedError
 
     def _unarmed(self, answer: Answer) -> str:
-        """Return why a servo is not armed, by its answer to ENABLED; '' where it is."""
+        """Return why a servo is not armed, by its answer to ENABLED; '' if it is."""
         raise NotImplementedError
 
     def _revived(self) -> list[bytes]:
-        """Return messages after which servos obey again that have stopped in silence, and watch it anew."""
+        """Return messages after which servos that stopped in silence obey again.
+
+        The messages start the servos' watchdogs again, too.
+        """
         return []
 
     # -- commands
 
     def arm(self) -> None:
-        """Read where the servos are, then have them hold that pose."""
+        """Read the servos' pose, then switch their torque on at that pose."""
         self._wants_arm, self.armed, self._fresh, self._letting_go = True, False, False, False
         self._misses.clear()
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
-        """Return the goal of every servo in one message, and behind it a question that is due."""
+        """Return one message with every servo's goal, and a question if one is due."""
         revived = self._revived() if self.armed and now - self._said_at > self.silence.after else []
         self._sent, self._said_at = values.copy(), now
         if self.questions.round is None and now - self._read_at >= READ_EVERY:
@@ -100,15 +104,18 @@ class ServoBus(BusLine):
         return [*revived, self._goal(self._counts(values)), *self._next(now)]
 
     def carried(self, values: Array) -> Array:
-        """Return the values of whole counts."""
+        """Return values rounded to whole counts [units]."""
         return self._values(self._counts(values))
 
     def sign_of_life(self, values: Array, now: float) -> list[bytes]:
-        """Return every goal again."""
+        """Return every servo's goal again."""
         return self.command(values, now, None)
 
     def safe(self) -> list[bytes]:
-        """Switch the torque off where the safe state is to let go; else the servos hold the safe pose."""
+        """Return a message that switches the torque off, if the device lets go.
+
+        Otherwise there is no message, and the servos hold the safe pose.
+        """
         super().safe()
         self._wants_arm = False
         self._letting_go = self.wire.reach == Reach.RELEASE
@@ -116,14 +123,17 @@ class ServoBus(BusLine):
 
     @property
     def settled(self) -> bool:
-        """Return whether every servo has confirmed that its torque is off, where the safe state is to let go."""
+        """Return whether every servo has confirmed that its torque is off.
+
+        True if the safe state holds a pose instead.
+        """
         return not self._letting_go
 
     def _limit(self, name: str) -> float:
-        """Read a limit; infinite where nobody set one.
+        """Read a limit from the options; infinite if it is not set.
 
         Raises:
-            DermisError: it is no number above 0.
+            DermisError: the limit is no number above 0.
         """
         if name not in self.options:
             return math.inf
@@ -148,7 +158,7 @@ class ServoBus(BusLine):
     # -- rounds
 
     def _over(self, now: float) -> None:
-        """Judge a round."""
+        """Evaluate the answers of a round, and begin the next step."""
         what, self.questions.round = self.questions.round, None
         if what is Round.IDENTITY:
             self._judge()
@@ -157,7 +167,7 @@ class ServoBus(BusLine):
         elif self._letting_go:
             self._read_at = now
             self._letting_go = any(answer.data[0] for answer in self.questions.found.values())
-            self._writes = [self._torque(False)] if self._letting_go else []  # said again, before the next question
+            self._writes = [self._torque(False)] if self._letting_go else []  # sent again, before the next question
         elif self._wants_arm:
             whys = {i: why for i, answer in self.questions.found.items() if (why := self._unarmed(answer))}
             for servo, why in whys.items():
@@ -180,7 +190,7 @@ class ServoBus(BusLine):
             self._recognise(found)
 
     def _recognise(self, found: Mapping[int, Answer]) -> None:
-        """Hold each servo's own limits against those of its channel."""
+        """Check that each servo's position limits include those of its channel."""
         low, high = (self._counts(v).tolist() for v in (self.wire.lower_limit, self.wire.upper_limit))
         for k, servo in enumerate(self.ids):
             made = self._servos[servo] = self._describe(found[servo].data)
@@ -193,7 +203,7 @@ class ServoBus(BusLine):
             self._read()
 
     def _show(self, now: float) -> None:
-        """Take the servos' measurements, compare them with the limits, and go on with Arm."""
+        """Store the servos' measurements, check their limits, and continue Arm."""
         found, self._read_at = self.questions.found, now
         read = [self._measured(self._servos[servo], found[servo]) for servo in self.ids]
         self._misses.clear()

@@ -1,4 +1,7 @@
-"""`python -m core stream accept`: try a built device on the bench, fingers out, and write down the findings."""
+"""The command `stream accept`: test a built device and write a report.
+
+It is `python -m core stream accept`. No finger may be in the device.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,11 @@ from .walk import Walk
 
 
 def run(options: argparse.Namespace) -> int:
-    """Walk through the checks; return 0 where the device is accepted, 1 where it is not or not all was tried."""
+    """Run the checks and write the report; return the exit status.
+
+    It is 0 if the device is accepted, 1 if it is not or a check is missing, and 128 plus the number of a signal that
+    ended the checks.
+    """
     request = request_from(options, options.device)
     now = datetime.now().astimezone()
     path = options.out or Path(f"acceptance_{_plain(options.device)}_{now:%Y-%m-%d_%H%M}.md")
@@ -52,11 +59,11 @@ def run(options: argparse.Namespace) -> int:
     facts = {"device": bench.wire.spec.name, "preset": f"{options.device} ({bench.wire.spec.hash[:16]})"}
     report = Report({**facts, "url": options.url, "protocol": options.protocol}, interrupted=True)
     connected = False
-    with signals.caught():  # for as long as the device may be anywhere: an interruption brings it home first
+    with signals.caught():  # an interruption first brings the device to its safe state
         try:
             print(INTRODUCTION)
             person.wait(f"{bench.wire.spec.name} at {options.url}: fingers out? Enter begins.")
-            report.write(path, now)  # a place that cannot be written is found before anything moves
+            report.write(path, now)  # if the file cannot be written, the error comes before anything moves
             bench.connect()
             connected = True
             report.device |= _facts(bench)
@@ -68,18 +75,18 @@ def run(options: argparse.Namespace) -> int:
             if unsure := bench.end():
                 report.unsafe = unsure
                 say(f"{unsure}. THE DEVICE MAY NOT BE SAFE: switch its supply off")
-            if not connected and not report.unsafe:  # nothing was tried, and the same name serves the next attempt
+            if not connected and not report.unsafe:  # nothing was tried, so the next attempt can use the same name
                 path.unlink(missing_ok=True)
                 path.with_suffix(".json").unlink(missing_ok=True)
             elif path.exists():
                 report.write(path, now)
-                with contextlib.suppress(OSError):  # a terminal that was closed
+                with contextlib.suppress(OSError):  # the terminal may have been closed
                     print(f"{report.verdict}: {path}")
     return 128 + signals.number if signals.number else int(report.verdict != "accepted")
 
 
 def _go(walk: Walk, only: list[str] | None, report: Report) -> None:
-    """Try every check, or those that were asked for."""
+    """Run every check, or those of `only`, and add the results to the report."""
     for name, check in walk.checks().items():
         if only and name not in only:
             report.checks.append(Check(name, "left out by --only", "not tried"))
@@ -90,11 +97,11 @@ def _go(walk: Walk, only: list[str] | None, report: Report) -> None:
 
 
 def _tried(name: str, check: Callable[[], Iterator[Check]], bench: Bench) -> Iterator[Check]:
-    """Yield the findings of a check; the next checks run whatever one finds.
+    """Yield the results of a check.
 
-    A check that the device does not let go through has failed. Where this computer stood still meanwhile, which lets a
-    board's watchdog act, the check is tried again. A device that was not armed within the second that the streamer
-    gives it is excused by a pause of this computer that took most of that second, and by no shorter one.
+    A check that ends with an error has failed. If this computer stood still meanwhile, so that the board's watchdog may
+    have acted, the check is tried again. A device that does not arm within the streamer's time-out is tried again only
+    if a single pause of this computer took more than half of that time.
     """
     found: list[Check] = []
     for _ in range(ATTEMPTS):
@@ -119,7 +126,7 @@ def _tried(name: str, check: Callable[[], Iterator[Check]], bench: Bench) -> Ite
 
 
 def _there(bench: Bench) -> bool:
-    """Return whether the device can still be reached."""
+    """Return whether the device can be connected again."""
     try:
         bench.connect()
     except DermisError:
@@ -128,7 +135,7 @@ def _there(bench: Bench) -> bool:
 
 
 def _facts(bench: Any) -> dict[str, str]:
-    """Return the device's own data."""
+    """Return facts about the connected device, by name."""
     connection = bench.connection
     adapter = connection.adapter
     return {

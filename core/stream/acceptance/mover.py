@@ -1,4 +1,4 @@
-"""A device on the bench between two poses: its safe one, and one away from it."""
+"""Movements of a device under test between its safe pose and another pose."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from ...arrays import Array
 from ...errors import DermisError
 from .bench import Bench
 
-AWAY = 0.3  # part of the way from the safe pose to the far end of the range that the checks move by
-CLOSE = 0.02  # part of the range within which a pose counts as reached
-ATTEMPTS = 3  # to be armed and moved away
+AWAY = 0.3  # [1] distance of the other pose from the safe one, as a part of the distance to the far end of the range
+CLOSE = 0.02  # [1] part of the range within which a pose counts as reached
+ATTEMPTS = 3  # number of attempts to arm, or to arm and move away
 
 
 class Mover:
     """Moves a device between its safe pose and another one.
 
     Attributes:
-        away: the other pose [units], shape (channels,). seconds: that the way between the two takes [s].
-        stuck: channels that were found not to move; they are reported once, and later judgements leave them out.
+        away: the other pose [units], shape (channels,). seconds: duration of a movement between the two poses [s].
+        stuck: channels that do not move; they are reported once, and later checks leave them out.
     """
 
     def __init__(self, bench: Bench) -> None:
@@ -35,18 +35,18 @@ class Mover:
         self.stuck: set[int] = set()
 
     def ready(self) -> None:
-        """Be armed, at the safe pose.
+        """Arm the device at the safe pose, unless it is armed.
 
         Raises:
-            DermisError: it does not arm, or disarms itself.
+            DermisError: the device does not arm, or disarms itself.
         """
         self._tried(self._armed)
 
     def move_away(self) -> None:
-        """Be armed, at the other pose.
+        """Arm the device if needed, and move it to the other pose.
 
         Raises:
-            DermisError: it does not arm, or disarms itself.
+            DermisError: the device does not arm, or disarms itself.
         """
 
         def move() -> None:
@@ -56,7 +56,10 @@ class Mover:
         self._tried(move)
 
     def there_and_back(self, k: int) -> Array | None:
-        """Move one channel away and back; return the board's pose in between, None where it reports none."""
+        """Move one channel away and back; return the pose in between [units].
+
+        None: the board reports no pose.
+        """
         values = self.alone(k)
         seconds = self._seconds(values) + 0.3
         self.bench.move(values, seconds)
@@ -65,19 +68,25 @@ class Mover:
         return there
 
     def alone(self, k: int) -> Array:
-        """Return the pose with one channel away [units]."""
+        """Return the safe pose with one channel at the other pose [units]."""
         values = self.part(0.0)
         values[k] = self.away[k]
         return values
 
     def off(self, pose: Array | None, goal: Array) -> list[int]:
-        """Return the channels that are not where they should be, without those known as stuck."""
+        """Return the channels of a pose that are off the goal.
+
+        Channels known as stuck are left out.
+        """
         if pose is None:
             return []
         return [int(k) for k in np.flatnonzero(np.abs(pose - goal) > self._close) if k not in self.stuck]
 
     def follows(self, k: int) -> bool:
-        """Return whether a channel moves at all when it is told to; one that does not is stuck from now on."""
+        """Return whether a channel moves by command.
+
+        A channel that does not is added to `stuck`.
+        """
         self.ready()
         before, there = self.bench.pose(), self.there_and_back(k)
         way = 0.5 * abs(self.away[k] - self.bench.wire.safe[k])
@@ -87,20 +96,26 @@ class Mover:
         return bool(moves)
 
     def part(self, part: float) -> Array:
-        """Return the pose so far on the way from the safe one away [units]."""
+        """Return a pose between the safe one (0) and the other one (1) [units]."""
         safe = self.bench.wire.safe
         return safe + part * (self.away - safe)
 
     def settle(self) -> Array | None:
-        """Wait until the board says that it is at its safe pose, or as long as the way there takes; return the pose."""
+        """Wait until the board reports its safe pose; return its last pose.
+
+        The wait is no longer than the movement there takes.
+        """
         return self._reached(self.bench.wire.safe, self.seconds + 0.5)
 
     def measured(self, pose: Array | None) -> dict[str, bool]:
-        """Return whether a pose [units] is the safe one, by name; empty where the board reports none."""
+        """Return whether a pose [units] is the safe one, by name.
+
+        The result is empty if the board reports no pose.
+        """
         return {} if pose is None else {"pose": not self.off(pose, self.bench.wire.safe)}
 
     def text(self, pose: Array | None) -> str:
-        """Return a pose for people, its first channels."""
+        """Return the first channels of a pose as text for people."""
         wire = self.bench.wire
         if pose is None:
             return "no pose was reported"
@@ -112,7 +127,10 @@ class Mover:
             self.bench.arm()
 
     def _tried(self, work: Callable[[], object]) -> None:
-        """Do something again: a computer that stands still for a moment trips a watchdog, which is no fault of it."""
+        """Repeat work that fails, up to `ATTEMPTS` times in all.
+
+        A pause of this computer lets the board's watchdog act, which is no fault of the board.
+        """
         for _ in range(ATTEMPTS - 1):
             with contextlib.suppress(DermisError):
                 work()
@@ -120,14 +138,17 @@ class Mover:
         work()
 
     def _seconds(self, values: Array) -> float:
-        """Return how long the way between a pose and the safe one takes, ramps included [s]."""
+        """Return the duration of a movement between a pose and the safe one [s]."""
         wire = self.bench.wire
         with np.errstate(invalid="ignore", divide="ignore"):
             times = np.abs(values - wire.safe) / wire.slew
         return float(np.nan_to_num(times, nan=0.0, posinf=0.0).max(initial=0.0)) + 0.1
 
     def _reached(self, goal: Array, seconds: float = 0.3) -> Array | None:
-        """Wait until the board says that it is at a pose [units], no longer than some time [s]; return where it is."""
+        """Wait until the board reports a pose [units]; return its last pose.
+
+        The wait is no longer than `seconds`. None: the board reports no pose.
+        """
         pose = self.bench.pose()
         end = clock.now() + seconds
         while pose is not None and self.off(pose, goal) and clock.now() < end:
@@ -137,10 +158,13 @@ class Mover:
 
 
 def fastest_over(poses: list[tuple[float, float, Array]], window: float) -> tuple[Array, Array]:
-    """Return bounds of each channel's largest speed [units/s] over at least a window [s], each of shape (channels,).
+    """Return lower and upper bound of each channel's largest mean speed [units/s].
+
+    Both have the shape (channels,).
 
     Args:
-        poses: when each was asked for, when the answer was there [s], and the pose [units]: it is of a time between.
+        poses: time of the question [s], time of the answer [s], and pose [units]. The board read the pose at an unknown
+            time between the two. window: shortest time of a mean [s].
     """
     least = most = np.zeros(len(poses[0][2])) if poses else np.zeros(0)
     last = 0

@@ -1,4 +1,4 @@
-"""The person at the bench: asked for observations and actions that no program can make."""
+"""Questions to the person at the bench, who observes and acts as no program can."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ ANSWERS = {"y": True, "yes": True, "n": False, "no": False, "s": None, "skip": N
 
 
 class Person(Protocol):
-    """Whoever stands at the bench."""
+    """The interface to the person at the bench."""
 
     def ask(self, question: str) -> bool | None:
         """Return the answer to a question; None: skipped."""
 
     def wait(self, request: str) -> bool:
-        """Ask for something to be done; False: skipped."""
+        """Ask the person to act; False: skipped."""
 
     def number(self, question: str) -> float | None:
-        """Return a number that was read off; None: skipped."""
+        """Return a number that the person has read off; None: skipped."""
 
     def tell(self, text: str) -> None:
         """Announce the current step."""
 
 
 class NobodyThere(DermisError):
-    """The person has gone: nothing more can be asked."""
+    """The person has gone, so no more questions can be asked."""
 
 
 class Terminal:
-    """The person, by way of a terminal; the device is kept alive while nothing has been typed yet.
+    """Questions to the person through a terminal.
 
     Args:
-        meanwhile: called again and again while an answer is waited for.
+        meanwhile: function that is called again and again until an answer has been typed; it keeps the device alive.
     """
 
     def __init__(self, meanwhile: Callable[[], None]) -> None:
@@ -52,18 +52,24 @@ class Terminal:
         threading.Thread(target=self._read, daemon=True).start()
 
     def ask(self, question: str) -> bool | None:
-        """Ask until the answer is one; a word that only begins like one, as 'stop' does, is none."""
+        """Ask until the answer is a whole word of `ANSWERS`.
+
+        A word that only begins like one, such as 'stop', is not accepted.
+        """
         while True:
             answer = self._line(f"? {question} [y/n/s] ").lower()
             if answer in ANSWERS:
                 return ANSWERS[answer]
 
     def wait(self, request: str) -> bool:
-        """Wait for Enter."""
+        """Wait for Enter; False: skipped."""
         return self._line(f"! {request} (s: skip) ").lower() not in ("s", "skip")
 
     def number(self, question: str) -> float | None:
-        """Ask until the answer is a finite number, or skipped; a comma is a decimal one."""
+        """Ask until the answer is a finite number, or skipped (None).
+
+        A comma is read as the decimal point.
+        """
         while True:
             answer = self._line(f"? {question} [number/s] ").lower()
             if answer in ("s", "skip"):
@@ -74,11 +80,11 @@ class Terminal:
                     return value
 
     def tell(self, text: str) -> None:
-        """Print it."""
+        """Print a line for the person."""
         print(f"  {text}", flush=True)
 
     def _line(self, prompt: str) -> str:
-        while sys.stdin.isatty() and not self._lines.empty():  # typed before the question could be read
+        while sys.stdin.isatty() and not self._lines.empty():  # drop lines that were typed before the question
             if not self._lines.get():
                 self._lines.put("")
                 break
@@ -87,7 +93,7 @@ class Terminal:
             self._meanwhile()
         line = self._lines.get()
         if not line:
-            self._lines.put("")  # the end stays the end
+            self._lines.put("")  # keep the end of the input for the next question
             raise NobodyThere("standard input ended, so nobody is at the bench", remedy="Run it in a terminal")
         return line.strip()
 

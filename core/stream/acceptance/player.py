@@ -18,15 +18,18 @@ from ...work.child import command, environment
 from ..protocols.wire import Wire
 from .bench import RAMPING, SAFE_MS, Bench
 
-PLAY_SECONDS = 30.0
+PLAY_SECONDS = 30.0  # [s] duration of the slow movement
 
 
 def play_and_end(bench: Bench, away: Array, play: list[str], number: signal.Signals, seconds: float) -> str:
-    """Play a slow movement in another process and send it a signal on its way; return the failure in words, or ''.
+    """Play a slow movement in another process, and end that process by a signal.
+
+    Return the failure in words; '' if there is none.
 
     Args:
-        away: the movement's far end [units], shape (channels,). play: arguments of `stream play` for this device.
-        seconds: that the way home takes at most [s].
+        bench: bench whose link is closed meanwhile. away: far end of the movement [units], shape (channels,).
+        play: arguments of `stream play` for this device. number: the signal.
+        seconds: longest duration of the movement to the safe pose [s].
 
     Raises:
         DermisError: the program does not end.
@@ -38,7 +41,7 @@ def play_and_end(bench: Bench, away: Array, play: list[str], number: signal.Sign
         child = subprocess.Popen(verb, env=environment(), stdin=subprocess.DEVNULL, stdout=pipe, stderr=pipe)
         longest = 30.0 + min(bench.wire.safe_seconds, RAMPING)
         try:
-            bench.until(lambda: child.poll() is not None, 6.0)  # its start, a board's reset, the ramp
+            bench.until(lambda: child.poll() is not None, 6.0)  # time for its start, a board's reset and the ramp
             if child.poll() is not None:
                 return "it did not play: " + child.communicate()[1].decode("utf-8", "replace").strip()[-200:]
             child.send_signal(number)
@@ -47,7 +50,7 @@ def play_and_end(bench: Bench, away: Array, play: list[str], number: signal.Sign
             raise DermisError("the playing program did not end", value=number.name) from error
         finally:
             _ended(child, longest)
-        # A killed program leaves the board to its watchdog.
+        # After a killed program only the board's own watchdog acts.
         bench.run(SAFE_MS / 1e3 + seconds)
         if child.returncode == (-number if number.name == "SIGKILL" else 128 + number):
             return ""
@@ -55,7 +58,10 @@ def play_and_end(bench: Bench, away: Array, play: list[str], number: signal.Sign
 
 
 def _ended(child: subprocess.Popen[bytes], longest: float) -> None:
-    """End a program that plays, its device safe first; kill it only if it does not [s]."""
+    """End a playing program, which first brings its device to the safe state.
+
+    If it does not end within `longest` [s], it is killed.
+    """
     if child.poll() is None:
         child.terminate()
         with contextlib.suppress(subprocess.TimeoutExpired):
@@ -65,7 +71,10 @@ def _ended(child: subprocess.Popen[bytes], longest: float) -> None:
 
 
 def slow_track(wire: Wire, away: Array) -> CommandTrack:
-    """Return a slow movement between the safe pose and another one [units], as a track of the device."""
+    """Return a track with a slow movement between the safe pose and another one.
+
+    `away`: the other pose in driven values [units], shape (channels,).
+    """
     spec = wire.spec
     times = np.arange(int(PLAY_SECONDS * spec.rate)) / spec.rate
     values = np.tile([c.rest for c in spec.channels], (len(times), 1)).astype(np.float64)

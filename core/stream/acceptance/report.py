@@ -1,4 +1,4 @@
-"""Findings from a built device on the bench: checks with their figures, as a dated report."""
+"""A dated report of the acceptance checks of a built device."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ CHECKS = ("link", "first-arm", "motors", "speed", "stop", "silence", "flood", "r
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was tried.
+    """The result of one check.
 
     Attributes:
         name: name of the check.
@@ -42,8 +42,9 @@ class Report:
     """All checks of one device on one day.
 
     Attributes:
-        device: facts about device, link and software, by name. checks: in the order in which they were tried.
-        interrupted: it was ended before its last check. unsafe: why it may not have been left safe, '' if it was.
+        device: facts about device, link and software, by name. checks: results in the order of execution.
+        interrupted: the checks ended before the last one.
+        unsafe: why the device may not have been left in its safe state; '' if it was.
     """
 
     device: dict[str, str]
@@ -53,7 +54,10 @@ class Report:
 
     @property
     def verdict(self) -> str:
-        """Return 'accepted', 'not accepted' or 'incomplete': accepted only if all was tried and nothing failed."""
+        """Return 'accepted', 'not accepted' or 'incomplete'.
+
+        A device is accepted only if every check was tried and judged, and none failed.
+        """
         if self.unsafe or any(check.outcome == "failed" for check in self.checks):
             return "not accepted"
         if (
@@ -65,7 +69,7 @@ class Report:
         return "accepted"
 
     def markdown(self, when: datetime) -> str:
-        """Return the report for people."""
+        """Return the report as Markdown for people."""
         lines = [
             f"# Acceptance of {self.device.get('device', 'a device')}: {self.verdict}",
             "",
@@ -107,11 +111,13 @@ class Report:
 
 
 def judged(seen: bool | None, measured: Mapping[str, bool] | None = None, *, busy: bool = False) -> tuple[Outcome, str]:
-    """Return the outcome of a person's answer and of the measurements, and who judged.
+    """Return the outcome of a person's answer and of measurements, and who judged.
 
     Args:
-        seen: the person's answer; None: skipped, or not asked. measured: by name whether it held; None: not measured.
-        busy: this computer was too busy to measure the rest, so only a person can say that it has failed.
+        seen: the person's answer; None: skipped, or not asked.
+        measured: name -> whether the requirement held; None: not measured.
+        busy: this computer was too busy to complete the measurement. The check has then failed if the person's answer
+            or a completed measurement says so; otherwise it is not judged.
     """
     held = None if not measured else all(measured.values())
     if busy and seen is not False and held is not False:

@@ -1,4 +1,4 @@
-"""Questions to the servos of a line, one at a time, and who has answered."""
+"""Rounds of questions to the servos of a line, one question at a time."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from enum import Enum
 
 from .servo import Answer
 
-FIRST_ANSWER = 0.1  # at Connect a servo may take this long to answer [s]
-ANSWER = 0.03  # later: the latency timer of an FTDI chip as delivered is 16 ms, and a program may be late [s]
+FIRST_ANSWER = 0.1  # [s] longest time to an answer at Connect
+ANSWER = 0.03  # [s] the same later: an FTDI chip holds answers back for 16 ms by default, and a program may be late
 
 
 class Round(Enum):
-    """Questions that are asked of every servo."""
+    """Kinds of rounds, in which every servo is asked the same question."""
 
     IDENTITY = "what it is, each servo by itself"
     PRESENT = "what it measures"
@@ -37,9 +37,9 @@ class Questions:
         overhead: bytes of an answer beside its registers.
 
     Attributes:
-        round: under way, None between two. open: the question that waits for its answers.
-        found: the round's answers, by servo. garbled: servos whose answers, or those beside them, were damaged.
-        asked, until: when the open question left, and how long its answers may take [s].
+        round: current round, None between two rounds. open: the question that waits for its answers.
+        found: answers of the round, by servo. garbled: servos of a question with a damaged answer.
+        asked, until: time at which the open question was sent, and latest time of its answers [s].
     """
 
     def __init__(self, overhead: int) -> None:
@@ -53,7 +53,7 @@ class Questions:
 
     @property
     def more(self) -> bool:
-        """Return whether the round has questions that have not been asked."""
+        """Whether the round has questions that have not been sent."""
         return bool(self._left)
 
     def begin(self, what: Round, questions: Iterable[Question]) -> None:
@@ -61,7 +61,7 @@ class Questions:
         self.round, self.found, self.garbled, self._left = what, {}, set(), deque(questions)
 
     def end(self) -> None:
-        """Give up the round."""
+        """Abandon the round."""
         self.round = self.open = None
         self._left.clear()
 
@@ -69,7 +69,8 @@ class Questions:
         """Open the next question and return its message.
 
         Args:
-            carries: bytes a second of the line, None where that is not known. first: at Connect.
+            now: time [s]. carries: capacity of the line [bytes/s], None if it is not known. first: whether the round
+                is one of Connect.
         """
         self.open = question = self._left.popleft()
         answers = len(question.ids) * (self._overhead + question.size)
@@ -78,7 +79,7 @@ class Questions:
         return question.message
 
     def take(self, answer: Answer) -> bool:
-        """Take an answer to the open question; return False for any other."""
+        """Store an answer to the open question; return False for any other answer."""
         if self.open is None or answer.servo not in self.open.ids or answer.servo in self.found:
             return False
         if len(answer.data) != self.open.size:
@@ -90,7 +91,7 @@ class Questions:
         return True
 
     def damaged(self) -> None:
-        """Remember whose answer was damaged."""
+        """Record a damaged answer to the open question."""
         if self.open is not None:
             self.garbled.update(self.open.ids)
 

@@ -1,4 +1,4 @@
-"""A smart servo as it describes itself, its answers, and the words for a bus that is not as it should be."""
+"""Data and answers of a smart servo, and error messages about a bus."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ HIGHEST_ID = 252
 
 @dataclass(frozen=True)
 class Answer:
-    """A servo's answer: its id, its error byte, and the registers that were asked for."""
+    """A servo's answer: its id, its error byte and the requested registers."""
 
     servo: int
     error: int
@@ -22,12 +22,13 @@ class Answer:
 
 @dataclass(frozen=True)
 class Servo:
-    """A servo by its own registers.
+    """Data of a servo from its own registers.
 
     Attributes:
-        model: its name. low, high: positions that it takes [counts]. hottest: it switches its motor off there [degC].
-        ampere: of one count of its current [A]; NaN: it does not measure it, or the unit is not known.
-        fault: why it cannot be driven, in words.
+        model: name of the model. low, high: position limits [counts].
+        hottest: temperature at which the servo switches its motor off [degC].
+        ampere: one count of current [A]; NaN: the servo measures no current, or the unit is not known.
+        fault: why the servo cannot be driven, in words; '' if it can.
     """
 
     model: str
@@ -43,8 +44,8 @@ class Present:
     """Measurements of a servo.
 
     Attributes:
-        position: [counts]. current: [A], NaN where it has none. temperature: [degC].
-        stopped: why it does not obey, in words; '' while it does.
+        position: position [counts]. current: current [A], NaN if it is not measured. temperature: temperature [degC].
+        stopped: why the servo does not obey, in words; '' while it does.
     """
 
     position: int
@@ -55,10 +56,12 @@ class Present:
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits on the servos' measurements, beyond which a stream ends; infinite where nobody set one.
+    """Limits on the servos' measurements, beyond which a stream ends.
+
+    A limit that is not set is infinite.
 
     Attributes:
-        hottest: [degC]. current: [A]. lag: distance from the command [degrees].
+        hottest: temperature [degC]. current: magnitude of the current [A]. lag: distance from the command [deg].
     """
 
     hottest: float
@@ -66,7 +69,14 @@ class Limits:
     lag: float
 
     def broken(self, number: int, servo: Servo, measured: Present, lag: float) -> str:
-        """Return which limit a servo has broken, in words; '' for none. `lag`: of this servo [degrees]."""
+        """Return the limit that a servo has reached or exceeded, in words.
+
+        '' for none.
+
+        Args:
+            number: id of the servo. servo: its data. measured: its measurements. lag: its distance from its command
+                [deg].
+        """
         hottest = min(self.hottest, servo.hottest)
         if measured.temperature >= hottest:
             return f"servo {number} has {measured.temperature:.0f} degC, and the limit is {hottest:.0f}. Let it cool"
@@ -80,10 +90,10 @@ class Limits:
 
 
 def ids_of(text: str, count: int, where: str) -> tuple[int, ...]:
-    """Read the ids of a bus, one for each channel.
+    """Read the ids of the servos on a bus, one for each channel.
 
     Raises:
-        DermisError: another number of them, one twice, or none that a servo can have.
+        DermisError: the number of ids is not `count`, an id occurs twice, or an id is not a number up to `HIGHEST_ID`.
     """
     parts = text.split(",")
     ids = tuple(int(part) for part in parts if part.strip().isdecimal())
@@ -98,13 +108,16 @@ def ids_of(text: str, count: int, where: str) -> tuple[int, ...]:
 
 
 def listed(ids: Iterable[int]) -> str:
-    """Return ids for people: 'servo 3', 'servos 1, 2'."""
+    """Return ids as text for people: 'servo 3', 'servos 1, 2'."""
     numbers = [str(number) for number in ids]
     return f"servo{'s' if len(numbers) > 1 else ''} {', '.join(numbers)}"
 
 
 def nobody(ids: Iterable[int], baud: float, noise: bool, delivered: str) -> str:
-    """Say that no servo of the bus answers. `noise`: something came, and it was no packet."""
+    """Return the message that no servo answers.
+
+    `noise`: bytes arrived, but no packet.
+    """
     at = f" at {baud:.0f} baud" if math.isfinite(baud) else ""
     if noise:
         return f"what comes{at} is no packet of these servos. Set baud= to their rate ({delivered}), check the protocol"
@@ -115,7 +128,7 @@ def nobody(ids: Iterable[int], baud: float, noise: bool, delivered: str) -> str:
 
 
 def some_missing(missing: Iterable[int], found: Iterable[int]) -> str:
-    """Say that some of the servos do not answer."""
+    """Return the message that some of the servos do not answer."""
     return (
         f"no answer from {listed(missing)}, while {listed(found)} can be heard. Check cable and id of the missing, "
         "or name the ids that are there with ids="
@@ -123,7 +136,7 @@ def some_missing(missing: Iterable[int], found: Iterable[int]) -> str:
 
 
 def twins(ids: Iterable[int]) -> str:
-    """Say that two servos seem to have one id."""
+    """Return the message that two servos seem to have the same id."""
     return (
         f"more than one answer, or a damaged one, comes for {listed(ids)}: two servos have one id, or the line is bad. "
         "Connect the servos one at a time, and give each an id of its own"
@@ -131,12 +144,12 @@ def twins(ids: Iterable[int]) -> str:
 
 
 def gone(ids: Iterable[int]) -> str:
-    """Say that servos under way answer no more."""
+    """Return the message that servos no longer answer."""
     return f"{listed(ids)}: no answer any more. Check cable and supply"
 
 
 def out_of_range(servo: int, made: Servo, channel: str, low: int, high: int) -> str:
-    """Say that a servo does not take the range of its channel."""
+    """Return the message that a servo's limits exclude a part of its channel's range."""
     return (
         f"servo {servo} takes positions from {made.low} to {made.high}, and '{channel}' needs {low} to {high}. "
         "Widen its own position limits in the maker's program, or move the middle with zero="

@@ -1,4 +1,7 @@
-"""The load of commands at a rate, and whether a link carries it: told when connecting, not by lost commands."""
+"""The load of commands on a link, and the check of the link's capacity.
+
+The check is made at Connect, before any command is lost.
+"""
 
 from __future__ import annotations
 
@@ -9,27 +12,34 @@ from ..protocols.adapter import Adapter
 from .token_bucket import TokenBucket
 from .transport import Transport
 
-SHARE = 0.8  # part of a link's capacity that commands may take: answers asked again, a safe state, a catching up [1]
+# [1] part of a link's capacity that commands may take. The rest is for repeated questions, the safe state, and a sender
+# that catches up.
+SHARE = 0.8
 
 
 def needed(adapter: Adapter, rate: float) -> float:
-    """Return the most bytes a second that commands at a rate [Hz] put on the link, with all that goes beside them."""
+    """Return the largest load of commands at a rate [Hz], in bytes/s.
+
+    The traffic beside commands is included.
+    """
     return max(rate, adapter.least_rate) * adapter.command_bytes + adapter.other_bytes
 
 
 def bucket(adapter: Adapter, link: Transport, rate: float) -> TokenBucket:
-    """Return how fast commands may leave: at their rate; to catch up, as fast as the link carries.
+    """Return the bucket that limits the bytes of commands.
 
-    A link of unknown speed is taken to carry the load that `check` would require.
+    It fills at the load of the commands at their rate. To catch up, it fills as fast as the link carries. A link of
+    unknown capacity is assumed to carry the load that `check` would require.
     """
     need = needed(adapter, rate)
     return TokenBucket(need, max(need / SHARE, SHARE * (link.carries or 0.0)))
 
 
 def ramp_period(adapter: Adapter, link: Transport, requested: float, declared: float) -> float:
-    """Return the time between the commands of a ramp [s]: the preset's own, however few the stream was asked to send.
+    """Return the time between the commands of a ramp [s].
 
-    A ramp of few commands would be a few jumps. A link that carries no more gets no more.
+    A ramp has at least the preset's rate, even if the stream has a lower one: with few commands it would be a few
+    jumps. The preset's rate is reduced to the rate that the link carries, but not below that of the stream.
 
     Args:
         requested, declared: rates of the stream and of the preset [Hz].
@@ -42,7 +52,7 @@ def check(adapter: Adapter, link: Transport, rate: float) -> None:
     """Refuse a link that cannot carry commands at a rate [Hz].
 
     Raises:
-        DermisError: it cannot; says how many bytes a second are needed and carried, and which rate or link would do.
+        DermisError: the load exceeds `SHARE` of the capacity. The error states both, and a rate or link that suffices.
     """
     if link.carries is None or needed(adapter, rate) <= SHARE * link.carries:
         return

@@ -1,4 +1,7 @@
-"""Every kind of link by its URL; and two kinds that lead nowhere else: one that echoes, one that writes down."""
+"""Opening a link of any kind by its URL.
+
+The module also defines a link that returns every message, and one that records the messages of another link.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from .sockets import Tcp, Udp
 from .transport import Transport
 from .url import Url
 
-BAUD = 115_200  # of a serial line, where neither protocol nor URL says otherwise
+BAUD = 115_200  # baud rate of a serial port if neither the protocol nor the URL states one
 
 
 class Loop(Transport):
@@ -35,7 +38,7 @@ class Loop(Transport):
 
 
 class Spy(Transport):
-    """Another link, with every byte written down."""
+    """A link that records all messages of an inner link."""
 
     def __init__(self, inner: Transport, path: str) -> None:
         self._inner, self.name = inner, f"spy://{inner.name}"
@@ -62,20 +65,23 @@ class Spy(Transport):
         self._record.close()
 
     def report(self) -> dict[str, Any]:
-        """Return the report of the inner link, and whether the record is whole."""
+        """Return the report of the inner link; after an error, that of the record, too."""
         record = self._record
         return {**self._inner.report(), **({"record": record.ended, "missing": record.missing} if record.ended else {})}
 
 
 def open_link(url: Url, virtual: Callable[[Url], Transport], baud: int = BAUD) -> Transport:
-    """Open a link; the URL loses the options that the link takes.
+    """Open a link.
+
+    The options that belong to the link are removed from the URL.
 
     Args:
-        virtual: opens the simulated device.
+        url: address of the device. virtual: opens the simulated device.
         baud: baud rate of a serial port whose URL states none.
 
     Raises:
-        DermisError: it cannot be opened; says why, and who has it where that can be known.
+        DermisError: the link cannot be opened. The error states the cause, and the program that uses the port if the
+            system tells.
     """
     if url.scheme == "spy":
         path = url.take("file")

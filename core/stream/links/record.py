@@ -1,4 +1,7 @@
-"""Record: a log of the messages on a link; a disk that is full ends the record and never the stream."""
+"""A record of the messages on a link.
+
+If the disk is full, the record ends, and the stream goes on.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +19,17 @@ _closed: dict[str, tuple[int, ...]] = {}  # path -> file signature of a record w
 
 
 class Record:
-    """Lines of time [s], direction and bytes in hexadecimal: into a new file, or on standard error without a path.
+    """Lines with time [s], direction, and bytes in hexadecimal.
 
-    A file that is there already is never written to, except for a record that this process has begun: a link that is
-    opened again goes on with its own.
+    They are written to a new file, or to standard error without a path. An existing file is never written to, except
+    for a record of this process: a link that is opened again continues its record.
 
     Attributes:
-        ended: why nothing is written any more, in words; '' while all is well. missing: messages that are not in it.
+        ended: why nothing is written any more, in words; '' without an error. missing: number of messages that are
+            not in the record.
 
     Raises:
-        DermisError: the path is taken, or cannot be written.
+        DermisError: the file exists already, or cannot be written.
     """
 
     def __init__(self, path: str) -> None:
@@ -35,7 +39,7 @@ class Record:
         self._start = clock.now()
 
     def note(self, way: str, data: bytes) -> None:
-        """Write down one message."""
+        """Write one message; `way`: 'TX', 'RX', or '--' for one that was refused."""
         self.missing += bool(self.ended)
         if self._file is None or self.ended:
             return
@@ -60,7 +64,7 @@ class Record:
                 file.close()
 
     def _end(self, error: Exception) -> None:
-        """Print once that the record is not whole, and give it up."""
+        """Print once that the record is incomplete, and end it."""
         if self.ended:
             return
         self.ended = f"the record {self._path or 'on standard error'} is not whole: {_reason(error)}"
@@ -78,7 +82,7 @@ def _opened(path: str) -> TextIO:
             file = Path(path).open("x", encoding="ascii")
             if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                 return file
-            file.close()  # a device that the system opens as if it were new
+            file.close()  # the path is a device, which some systems open in mode 'x', too
             raise FileExistsError
         except FileExistsError as error:
             if _closed.pop(os.path.realpath(path), None) == _looks(os.lstat(path)):

@@ -1,4 +1,4 @@
-"""Serial ports, by pyserial, opened for this process alone."""
+"""Serial ports, opened by pyserial for exclusive use."""
 
 from __future__ import annotations
 
@@ -12,9 +12,11 @@ from typing import Any
 from ...errors import DermisError
 from .transport import Gone, Stream, cannot_open
 
-DEVICES = Path("/sys/bus/usb-serial/devices")  # Linux: settings of USB serial chips
+DEVICES = Path("/sys/bus/usb-serial/devices")  # folder of Linux with the settings of USB serial chips
 INSTALL = "Run 'pip install pyserial' with the Python that runs Dermis"
-MAX_QUEUED = 0.02  # bytes may wait in a serial driver for this long [s]; then a newer value is better than an older
+# [s] time that the bytes in a serial driver may take to send. Beyond it no message is added, because a newer value sent
+# later is better than an older one that waits.
+MAX_QUEUED = 0.02
 
 
 class Serial(Stream):
@@ -34,7 +36,7 @@ class Serial(Stream):
         except (OSError, ValueError) as error:  # SerialException is an OSError
             raise cannot_open(place, error) from error
         self.keeps = latency_timer(place)
-        self.baud, self.carries = baud, baud / 10  # eight bits, a start and a stop
+        self.baud, self.carries = baud, baud / 10  # a byte takes ten bits: a start bit, eight bits and a stop bit
         self._budget = max(int(self.carries * MAX_QUEUED), 64)
         self._fd = self._port.fileno() if hasattr(select, "poll") else -1
         self._poll: Any = None
@@ -46,13 +48,13 @@ class Serial(Stream):
         return self._queued() <= self._budget
 
     def _queued(self) -> int:
-        with contextlib.suppress(OSError, AttributeError):  # not every driver tells
+        with contextlib.suppress(OSError, AttributeError):  # not every driver reports it
             return int(self._port.out_waiting)
         return 0
 
     def _write(self, data: bytes) -> int:
         try:
-            if self._fd >= 0:  # pyserial spins where a port without time-out is full
+            if self._fd >= 0:  # os.write, since pyserial waits in a loop if a port with time-out 0 is full
                 return os.write(self._fd, data)
             return int(self._port.write(data) or 0)
         except BlockingIOError:
@@ -73,18 +75,20 @@ class Serial(Stream):
             return []
         except OSError as error:
             raise Gone("the device is gone", where=self.name, value=error.strerror or str(error)) from error
-        if not data:  # readable, and nothing to read: unplugged
+        if not data:  # a port that is readable without data was unplugged
             raise Gone("the device is gone", where=self.name)
         return [data]
 
     def report(self) -> dict[str, Any]:
-        """Return the serial number that the USB port's maker gave it, where there is one."""
+        """Return the USB serial number of the port, if it has one."""
         return {"usb_serial": self._serial} if self._serial else {}
 
     def close(self) -> None:
-        """Close the port; bytes still in the driver are thrown away, or the system would wait for them, up to 30 s.
+        """Close the port; bytes that are still in the driver are discarded.
 
-        Who has something to lose asks `pending` first: a pseudo terminal does not tell, and loses it by a reset.
+        Otherwise the system would wait until they are sent, for up to 30 s. A caller that must not lose them waits
+        until `pending` is 0. A pseudo-terminal reports an empty queue, so its buffer is not reset: a reset would
+        discard bytes that the device has yet to read.
         """
         with contextlib.suppress(OSError, AttributeError):
             if self._queued():
@@ -94,9 +98,9 @@ class Serial(Stream):
 
 
 def latency_timer(place: str, devices: Path = DEVICES) -> float:
-    """Return how long the port's chip may keep received bytes [s]; NaN where the system does not tell.
+    """Return how long the port's chip may hold received bytes back [s].
 
-    Linux tells it of FTDI chips, which keep it for 16 ms unless they are told otherwise.
+    NaN: the system does not report it. Linux reports it for FTDI chips, whose default is 16 ms.
     """
     try:
         return int((devices / Path(os.path.realpath(place)).name / "latency_timer").read_text(encoding="ascii")) / 1e3
@@ -105,7 +109,7 @@ def latency_timer(place: str, devices: Path = DEVICES) -> float:
 
 
 def slow_chip(place: str, keeps: float) -> str:
-    """Say that a port's chip keeps answers for too long, and name the remedy."""
+    """Return the message that a port's chip holds answers back, with its remedy."""
     name = Path(os.path.realpath(place)).name
     return (
         f"The chip of this port keeps answers for up to {1e3 * keeps:.0f} ms (its latency timer), and commands wait "
@@ -114,21 +118,27 @@ def slow_chip(place: str, keeps: float) -> str:
 
 
 def ports() -> list[tuple[str, str]]:
-    """Return the serial ports of this computer: name, and other known details. Takes milliseconds to seconds."""
+    """Return name and description of the serial ports of this computer.
+
+    The call takes milliseconds to seconds.
+    """
     from serial.tools import list_ports
 
     return sorted((port.device, _more(port.device, port.description or "")) for port in list_ports.comports())
 
 
 def _more(name: str, description: str) -> str:
-    """Return a description without the port's name; '' where it says no more."""
+    """Return a description without the port's name; '' if nothing is left."""
     short = name.rpartition("/")[2]
     text = description.replace(f"({short})", "").replace(name, "").strip(" -")
     return "" if text in ("n/a", short) else text
 
 
 def serial_number(place: str) -> str:
-    """Return the USB serial number of a port, '' where it has none. Takes milliseconds to seconds."""
+    """Return the USB serial number of a port; '' if it has none.
+
+    The call takes milliseconds to seconds.
+    """
     from serial.tools import list_ports
 
     same = {place, os.path.realpath(place)}  # /dev/serial/by-id/... is another name of a port

@@ -13,9 +13,9 @@ from ...errors import DermisError
 from .transport import Gone, Stream, Transport
 from .url import Url
 
-CONNECT_SECONDS = 2.0
-STILL = 0.05  # [s], more than the 40 ms by which the receiver's system may delay confirmations
-_SIOCOUTQ = 0x5411  # Linux: bytes that the other side's system has not confirmed
+CONNECT_SECONDS = 2.0  # [s] time-out of a TCP connection
+STILL = 0.05  # [s] a connection is stalled after this time: the receiver's system may delay confirmations by 40 ms
+_SIOCOUTQ = 0x5411  # Linux request for the number of bytes that the other side's system has not confirmed
 
 
 class Tcp(Stream):
@@ -27,7 +27,7 @@ class Tcp(Stream):
             self._socket = socket.create_connection(url.host_port(), timeout=CONNECT_SECONDS)
         except OSError as error:
             raise cannot_connect(url.text, error) from error
-        self._given = self._confirmed = 0  # bytes that the system has taken, and that the other side has confirmed
+        self._given = self._confirmed = 0  # [bytes] taken by this system, and confirmed by the other side
         self._moved = clock.now()
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 16384)
@@ -55,7 +55,7 @@ class Tcp(Stream):
         return [data]
 
     def stands_still(self, now: float) -> float:
-        """Return the time since the last confirmation while bytes wait [s]; 0 if none wait."""
+        """Return the time since the last confirmation [s]; 0 if no bytes wait."""
         confirmed = self._given - self._queued()
         if confirmed != self._confirmed or confirmed == self._given:
             self._confirmed, self._moved = confirmed, now
@@ -63,7 +63,7 @@ class Tcp(Stream):
 
     def _queued(self) -> int:
         if sys.platform != "linux":
-            return 0  # not known here; after close() the system sends the rest
+            return 0  # not known on this system, which sends the rest after close()
         import fcntl
 
         with contextlib.suppress(OSError):
@@ -72,9 +72,9 @@ class Tcp(Stream):
         return 0
 
     def close(self) -> None:
-        """Announce that nothing more comes, then close: the system sends the bytes that it still holds.
+        """Close the connection; the system still sends the bytes that it holds.
 
-        A connection that stands still is reset: its bytes would arrive too late.
+        A stalled connection is reset instead, because its bytes would arrive too late.
         """
         if self.stands_still(clock.now()) > STILL:
             with contextlib.suppress(OSError):
@@ -85,7 +85,7 @@ class Tcp(Stream):
 
 
 class Udp(Transport):
-    """Datagrams to one address, and those that come back from it."""
+    """UDP datagrams to and from one address."""
 
     datagrams = True
 
@@ -127,7 +127,7 @@ class Udp(Transport):
         self._socket.close()
 
 
-# Each pair has the error number of POSIX and that of Windows.
+# (error number of POSIX, that of Windows) -> cause and remedy.
 _REFUSED = {
     (errno.EACCES, 10013): (
         "the address is a broadcast address, or a firewall blocks it",
@@ -144,7 +144,7 @@ _REFUSED = {
 
 
 def cannot_connect(place: str, error: OSError) -> DermisError:
-    """Return why a socket could not be connected, and the remedy."""
+    """Return the error of a socket that could not be connected, with its remedy."""
     said = error.strerror or str(error)
     if isinstance(error, socket.gaierror):
         return DermisError("no computer of this name is known", where=place, value=said, remedy="Check the address")

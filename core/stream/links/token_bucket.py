@@ -1,18 +1,18 @@
-"""How many bytes may leave now: a bucket that fills at a pace."""
+"""A token bucket, which limits the rate of bytes that are sent."""
 
 from __future__ import annotations
 
 import math
 
-BURST = 0.005  # of the pace that may leave at once, so that a sender that woke up late can catch up [s]
+BURST = 0.005  # [s] filling time of the bytes that may be sent at once, so that a late sender can catch up
 
 
 class TokenBucket:
-    """Holds the right to send, in bytes; without a pace there is always enough.
+    """A bucket of bytes that may be sent; with an infinite pace it is always full.
 
     Args:
         pace: rate at which the bucket fills [bytes/s].
-        most: the rate while nothing is queued [bytes/s].
+        most: rate at which it fills while nothing queues on the link [bytes/s].
         burst: time of filling whose bytes may leave at once [s].
     """
 
@@ -21,7 +21,7 @@ class TokenBucket:
         self._tokens, self._when = 0.0, -math.inf
 
     def open(self, now: float, *, prompt: bool) -> bool:
-        """Return whether something may leave; `prompt`: nothing waits on the way."""
+        """Return whether a message may be sent; `prompt`: nothing queues on the link."""
         if self._pace == math.inf:
             return True
         pace = self._most if prompt else self._pace
@@ -30,5 +30,5 @@ class TokenBucket:
         return self._tokens > 0
 
     def take(self, size: int) -> None:
-        """Take out the bytes that have left, allowed or not."""
+        """Take out the bytes of a message that was sent, allowed or not."""
         self._tokens -= size

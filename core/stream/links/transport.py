@@ -1,4 +1,7 @@
-"""The interface of a link to a device. No link ever waits: it refuses a message without room; the sender counts it."""
+"""The interface of a link to a device.
+
+No link ever waits. A link without room refuses a message, and the sender counts it.
+"""
 
 from __future__ import annotations
 
@@ -15,17 +18,17 @@ PLUG_IN = "Plug the device in, and take a port of the list: 'stream ports', or '
 
 
 class Gone(DermisError):
-    """The other side has closed, or the device was unplugged."""
+    """The link is closed: the other side has closed it, or was unplugged."""
 
 
 class Transport:
     """An open link.
 
     Attributes:
-        name: for people. datagrams: messages keep their borders.
-        carries: bytes a second; None: not known, or far more than any device takes.
-        baud: of a serial port, None for other links.
-        keeps: how long its chip may keep received bytes [s]; NaN: not known.
+        name: name for people. datagrams: each message arrives as one datagram, not as a part of a stream.
+        carries: capacity [bytes/s]; None: not known, or far more than any device takes.
+        baud: baud rate of a serial port, None for other links.
+        keeps: longest time for which the port's chip may hold received bytes back [s]; NaN: not known.
     """
 
     name = ""
@@ -35,7 +38,7 @@ class Transport:
     keeps = math.nan
 
     def send(self, message: bytes) -> bool:
-        """Send a message whole or not at all; False: there is no room now.
+        """Send a message whole or not at all; False: there is no room at present.
 
         Raises:
             Gone: the link is closed.
@@ -51,7 +54,9 @@ class Transport:
         raise NotImplementedError
 
     def pending(self) -> int:
-        """Send on the end of a message that was cut; return how many bytes still wait on this computer.
+        """Send the rest of a partly sent message; return the unsent bytes.
+
+        All bytes that still wait on this computer are counted, as far as the system reports them.
 
         Raises:
             Gone: the link is closed.
@@ -59,19 +64,22 @@ class Transport:
         return 0
 
     def stands_still(self, now: float) -> float:
-        """Return for how long none of the bytes waiting on this computer have moved [s]; 0 where nothing waits."""
+        """Return how long the bytes waiting on this computer have not moved [s].
+
+        It is 0 if no bytes wait, and for links that cannot tell.
+        """
         return 0.0
 
     def close(self) -> None:
-        """Close the link, without waiting; bytes still `pending` may be lost. Safe to call twice."""
+        """Close the link without waiting; `pending` bytes may be lost. Safe to call twice."""
 
     def report(self) -> dict[str, Any]:
-        """Return the transport's own report of the other side."""
+        """Return further facts about the link or the other side, by name."""
         return {}
 
 
 class Stream(Transport):
-    """A file descriptor or socket that takes bytes without waiting."""
+    """A link over a byte stream, such as a serial port or a TCP connection."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -90,13 +98,19 @@ class Stream(Transport):
         return self._push_rest() + self._queued()
 
     def _push_rest(self) -> int:
-        """Send on the end of a message that was cut, which must come before all else; return the unsent rest."""
+        """Send the rest of a partly sent message; return the number of unsent bytes.
+
+        The rest must be sent before any other message.
+        """
         if self._rest:
             self._rest = self._rest[self._write(self._rest) :]
         return len(self._rest)
 
     def _queued(self) -> int:
-        """Return how many bytes the system still holds, 0 where it does not say."""
+        """Return the number of bytes that the system still holds.
+
+        It is 0 if the system does not report it.
+        """
         return 0
 
     def _has_room(self, size: int) -> bool:
@@ -107,10 +121,13 @@ class Stream(Transport):
 
 
 def cannot_open(place: str, error: Exception) -> DermisError:
-    """Return why a serial port could not be opened, who has it, and the remedy."""
+    """Return the error of a serial port that could not be opened.
+
+    It names the cause, the program that uses the port, and the remedy.
+    """
     number = getattr(error, "errno", None)
     text = str(getattr(error, "strerror", None) or error)
-    if place in text:  # pyserial repeats the port's name
+    if place in text:  # pyserial repeats the name of the port in its message
         text = os.strerror(number) if number else text.replace(f"could not open port {place!r}: ", "")
     busy = "exclusively lock" in str(error) or number in (11, 16) or "PermissionError" in str(error)
     if busy:
@@ -134,9 +151,10 @@ def cannot_open(place: str, error: Exception) -> DermisError:
 
 
 def holder_of(place: str) -> str:
-    """Return name and id of the processes that have a port open, where the system tells; otherwise ''.
+    """Return name and id of the processes that have a port open.
 
-    This process does not count. The server of a pseudo-terminal does not either: it is the device, not a sender.
+    The result is '' if there are none, or if the system does not tell. This process does not count. A process at the
+    other end of a pseudo-terminal does not count either, because it is the device and not a sender.
     """
     found = []
     wanted = os.path.realpath(place)

@@ -4,10 +4,10 @@
     socket://host:port                                      a TCP connection
     udp://host:port                                         datagrams
     loop://                                                 every message sent comes back
-    spy://URL?file=PATH                                     any of them, with a record of the bytes
+    spy://URL?file=PATH                                     any other link, with a record of the bytes
     virtual:?loss=0.01&delay=0.02                           the simulated device (see virtual/device.py)
 
-Options after the question mark that no transport knows belong to the protocol.
+Options after the question mark that do not belong to the link are options of the protocol.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Url:
         """Read the place as host and port.
 
         Raises:
-            DermisError: it is none.
+            DermisError: the place is not HOST:PORT.
         """
         host, _, port = self.place.rstrip("/").rpartition(":")
         if not host or not port.isdigit() or not 0 < int(port) < 65536:
@@ -62,6 +62,6 @@ class Url:
 
 
 def unnamed(url: str, message: str) -> str:
-    """Return a URL to name beside a message about its link; '' where that names the link already."""
+    """Return a URL to add to a message about its link; '' if the message names it."""
     place = url.partition("?")[0].removeprefix("spy://").removeprefix("serial:").removesuffix(":")
     return "" if place in message else url

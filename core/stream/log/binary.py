@@ -1,17 +1,17 @@
-"""Rows as compact binary, version 2: blocks with check sums, so that a file is readable wherever its writing ended.
+"""The binary log format, version 2: blocks of rows with checksums.
 
-Little-endian:
+A file whose writing was interrupted is readable up to its last whole block. All numbers are little-endian:
 
     8 bytes   magic 89 44 52 4D 4C 0D 0A 02 (0x89 "DRML" CR LF, version 2)
     u32       length of the header
     header    UTF-8 JSON
     u32       CRC-32 (zlib's) of everything before it
     blocks    u32 number of rows n, u32 CRC-32 of n and the rows, n rows
-    end       u32 FF FF FF FF, u32 length, u32 CRC-32 of both and the text, UTF-8 JSON; only in a file that was finished
+    end       u32 FF FF FF FF, u32 length, u32 CRC-32 of both and the text, UTF-8 JSON; only in a complete file
 
 A row: number u64, time f64, play f64, track f64, heard f64, skipped u32, phase u8, fate u8, 2 bytes of 0, then f32
 commanded, limited, sent and reported, each for all channels, and each quantity of the header's `sensed` for all
-channels. Version 1, which has no `sensed`, is read as well.
+channels. Version 1 has no `sensed`, and is read, too.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from ...foreign import MAX_SETTINGS, json_of
 from .row import Fate, LogHeader, Phase, Rows, file_rows, header_of
 
 MAGIC = b"\x89DRML\r\n\x02"
-READ = MAGIC[7:], b"\x01"  # versions
-END = 0xFFFFFFFF
+READ = MAGIC[7:], b"\x01"  # versions that are read
+END = 0xFFFFFFFF  # takes the place of a number of rows before the end
 _PAIR = struct.Struct("<II")
 
 
 class BinaryForm:
-    """Blocks of rows."""
+    """The binary format of log files."""
 
     def head(self, header: LogHeader) -> bytes:
         """Return the header of a file."""
@@ -47,7 +47,7 @@ class BinaryForm:
         return data + struct.pack("<I", zlib.crc32(data))
 
     def rows(self, rows: Rows) -> bytes:
-        """Return one block; nothing for no rows."""
+        """Return one block; b'' without rows."""
         count, data = struct.pack("<I", len(rows)), rows.tobytes()
         return count + struct.pack("<I", zlib.crc32(data, zlib.crc32(count))) + data if len(rows) else b""
 
@@ -63,9 +63,9 @@ class LogFile:
     """One file of a log.
 
     Attributes:
-        header: metadata of the stream. rows: in the layout `row.file_rows`.
-        end: the summary at its end; None where its writer was ended before, or still writes.
-        unread: bytes behind the last whole block.
+        header: metadata of the stream. rows: rows in the layout `row.file_rows`.
+        end: summary at the end of the file; None if the file is incomplete, or still grows.
+        unread: number of bytes after the last whole block.
     """
 
     header: LogHeader
@@ -75,7 +75,7 @@ class LogFile:
 
     @property
     def lost(self) -> int:
-        """Rows that found no room in the ring, as far as the file says."""
+        """Number of rows lost because the ring was full; 0 if the file has no summary."""
         said = (self.end or {}).get("lost", 0)
         return said if type(said) is int else 0
 
@@ -84,7 +84,7 @@ def read(path: Path) -> LogFile:
     """Read a binary log, up to its last whole block.
 
     Raises:
-        DermisError: it is none, of another version, or its header is damaged.
+        DermisError: the file is no binary log of this version, or its header is damaged.
     """
     return loads(read_bytes(Path(path)), where=str(path))
 
@@ -93,7 +93,7 @@ def loads(data: bytes, *, where: str = "log") -> LogFile:
     """Read a binary log from bytes; see `read`.
 
     Raises:
-        DermisError: it is none, of another version, or its header is damaged.
+        DermisError: the data are no binary log of this version, or the header is damaged.
     """
     if not data.startswith(MAGIC[:-1]):
         raise DermisError("not a binary log", where=where, value=data[:8].hex(" "), limit=MAGIC.hex(" "))
@@ -137,7 +137,10 @@ def loads(data: bytes, *, where: str = "log") -> LogFile:
 
 
 def _end(data: bytes, at: int, where: str) -> tuple[Mapping[str, Any], int] | None:
-    """Return the summary at the end of a file, and where that ends; None where it is cut or damaged."""
+    """Return the summary at offset `at`, and the offset after it [bytes].
+
+    None: the summary is cut or damaged.
+    """
     _, size = _PAIR.unpack_from(data, at)
     text = data[at + 12 : at + 12 + size]
     check = int.from_bytes(data[at + 8 : at + 12], "little")

@@ -1,4 +1,7 @@
-"""LogFiles: rows on disk, in files that follow one another; whatever ends the writing, written rows are readable."""
+"""The files of a log.
+
+Written rows are readable after any end of the writing.
+"""
 
 from __future__ import annotations
 
@@ -12,17 +15,17 @@ from typing import Any, Protocol
 
 from .row import LogHeader, Rows
 
-SYNC = 5.0  # a power cut takes no more than this much of the log [s]
+SYNC = 5.0  # [s] time between two syncs to disk: at most this part of the log is lost by a power cut
 
 
 class Form(Protocol):
-    """How rows become bytes."""
+    """The interface of a file format."""
 
     def head(self, header: LogHeader) -> bytes:
         """Return the header of a file."""
 
     def rows(self, rows: Rows) -> bytes:
-        """Return rows."""
+        """Return the bytes of rows."""
 
     def end(self, summary: Mapping[str, Any]) -> bytes:
         """Return the footer of a complete file."""
@@ -31,16 +34,17 @@ class Form(Protocol):
 class LogFiles:
     """The files of one log: NAME.csv, NAME.2.csv, NAME.3.csv ...
 
-    A file appears under its name with its header in it, and grows by whole rows. No file that is there is written to.
+    A file has its header from the moment it appears under its name, and grows by whole rows. An existing file is never
+    written to.
 
     Args:
-        path: path of the first file.
-        size: size of one file [bytes].
-        total: size of all files [bytes]; the oldest are deleted before it is exceeded.
+        path: path of the first file. form: file format. header: header of the log.
+        size: largest size of one file [bytes].
+        total: largest size of all files [bytes]; the oldest files are deleted to keep to it.
 
     Attributes:
-        path: of the file that grows. written: bytes of all files so far. rows: in them. removed: paths of the files
-            that were removed to stay within `total`.
+        path: path of the current file. written: number of bytes in all files so far, removed ones included.
+        rows: number of rows in them. removed: paths of the files that were deleted to keep to `total`.
 
     Raises:
         OSError: the first file cannot be written.
@@ -61,7 +65,7 @@ class LogFiles:
         """Write rows.
 
         Raises:
-            OSError: they cannot be written; the file ends with the last whole row before them.
+            OSError: the rows cannot be written; the file then ends with the last complete write before them.
         """
         data = self._form.rows(rows)
         if len(rows) > 1 and len(data) > self._size - self._empty:
@@ -80,15 +84,15 @@ class LogFiles:
             self._check()
 
     def close(self, summary: Mapping[str, Any]) -> None:
-        """End the last file.
+        """Write the footer of the last file, and close it.
 
         Raises:
-            OSError: its end cannot be written.
+            OSError: the footer cannot be written.
         """
         self._finish({"rows": self._rows, **summary})
 
     def give_up(self) -> None:
-        """Leave the last file as it is: it ends with a whole row."""
+        """Close the last file without a footer; it ends with a whole row."""
         if self._descriptor >= 0:
             with contextlib.suppress(OSError):
                 os.close(self._descriptor)
@@ -96,7 +100,7 @@ class LogFiles:
 
     @property
     def count(self) -> int:
-        """Number of files so far."""
+        """Number of files so far, removed ones included."""
         return self._number
 
     def _path_of(self, number: int) -> Path:
@@ -114,7 +118,10 @@ class LogFiles:
         self.written += self._empty
 
     def _make_room(self) -> None:
-        """Remove the oldest files until another one fits, and only those that this log has written, as it left them."""
+        """Remove the oldest files until another file fits.
+
+        Only files of this log are removed, and none that another file has replaced.
+        """
         while self._mine and sum(size for _, _, size in self._mine) + self._size > self._total:
             path, identity, _ = self._mine.pop(0)
             with contextlib.suppress(OSError):
@@ -136,10 +143,10 @@ class LogFiles:
         self.written += len(data)
 
     def _check(self) -> None:
-        """Look whether the file is still the one that was written.
+        """Check that no other program has changed the file.
 
         Raises:
-            OSError: another program has removed, replaced or cut it.
+            OSError: another program has removed or replaced the file, or changed its size.
         """
         mine = os.fstat(self._descriptor)
         try:
@@ -163,10 +170,12 @@ class LogFiles:
 
 
 def _published(path: Path, head: bytes) -> int:
-    """Make a new file that has its header from its first moment on; return a descriptor at its end.
+    """Make a new file with its header; return a descriptor at its end.
+
+    The file appears under its name only once the header is complete.
 
     Raises:
-        OSError: it is there already, or cannot be written.
+        OSError: the file exists already, or cannot be written.
     """
     part = path.with_name(f".{path.name[:100]}.{os.getpid()}.part")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -180,7 +189,7 @@ def _published(path: Path, head: bytes) -> int:
         finally:
             os.close(descriptor)
         try:
-            os.link(part, path)  # fails where the name is taken
+            os.link(part, path)  # fails if the name is taken
         except FileExistsError:
             raise
         except (OSError, NotImplementedError, AttributeError):  # a file system without hard links

@@ -1,6 +1,6 @@
-"""Ring: rows on their way from the sender to the process that writes them, in memory that both map.
+"""A ring buffer of rows, in memory shared by the sender and the writing process.
 
-The sender puts rows in without waiting and without asking for memory. A ring that is full loses rows, and counts them.
+The sender adds rows without waiting and without allocating memory. If the ring is full, new rows are lost and counted.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from ...work.mapped import MappedRecord, create, mapped
 from .row import Rows, ring_rows
 
 MAGIC = b"DERMIS-RING 2\0\0\0"
-SECONDS = 10.0  # of rows that fit: how long whoever writes may stand still, for a slow disk or a busy machine [s]
-LEAST = 1024  # rows
-STATUS_BYTES = 1 << 14
-MOST_AT_ONCE = 4096  # rows
+SECONDS = 10.0  # [s] time of the rows that fit: the writing process may pause for so long, as for a slow disk
+LEAST = 1024  # [rows] smallest capacity
+STATUS_BYTES = 1 << 14  # [bytes] size of one of the two records of the status
+MOST_AT_ONCE = 4096  # [rows] largest number taken out at once
 _SHAPE = struct.Struct("<IHHI")  # rows, channels, measured quantities, bytes of the setup
-_WORDS = 32  # offset of the words that change: 8 bytes each, so that no reader sees half of one
+_WORDS = 32  # [bytes] offset of the counters, of 8 aligned bytes each, so that no reader sees a half-written one
 _HEAD, _TAIL, _LOST = 0, 1, 2  # rows put in, rows taken out, rows lost
 _ROW = struct.Struct("<Q4dIBBxx")
-_START = 64
+_START = 64  # [bytes] offset of the status
 
 
 class Ring:
-    """Rows between one process that puts them in and one that takes them out.
+    """Rows between one process that adds them and one that takes them out.
 
     Attributes:
-        path: of the mapped file. channels, sensed: of a row. capacity: rows. setup: configuration of the writer,
-            plain JSON.
+        path: path of the mapped file. channels, sensed: number of channels, and of measured quantities, in a row.
+        capacity: number of rows that fit. setup: configuration of the writer, as JSON values.
     """
 
     def __init__(self, path: Path, memory: mmap.mmap, capacity: int, channels: int, sensed: int, setup: int) -> None:
@@ -59,10 +59,14 @@ class Ring:
 
     @classmethod
     def create(cls, channels: int, capacity: int, setup: Mapping[str, Any], *, sensed: int = 0) -> Ring:
-        """Make a ring. `sensed`: quantities that the device measures beside its pose.
+        """Make a ring.
+
+        Args:
+            channels: number of channels in a row. capacity: number of rows that fit. setup: configuration of the
+                writer, as JSON values. sensed: number of quantities that the device measures beside its pose.
 
         Raises:
-            DermisError: there is no room for it.
+            DermisError: there is no memory for the ring.
         """
         text = json.dumps(setup).encode()
         size = _rows_at(len(text)) + capacity * ring_rows(channels, sensed).itemsize
@@ -76,10 +80,10 @@ class Ring:
 
     @classmethod
     def open(cls, path: Path) -> Ring:
-        """Open another process's ring.
+        """Open the ring of another process.
 
         Raises:
-            DermisError: it is none.
+            DermisError: the file cannot be opened, or is not a ring of this version.
         """
         try:
             descriptor = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
@@ -109,9 +113,13 @@ class Ring:
         reported: Array | None,
         sensed: Sequence[Array] = (),
     ) -> None:
-        """Put a row in; in a full ring it is lost, and counted. Costs a few microseconds.
+        """Add a row within a few microseconds.
 
-        `sensed`: an array a quantity, each with a value a channel; none of them where nothing was measured yet.
+        If the ring is full, the row is lost and counted. See `row.HEAD` for the numbers.
+
+        Args:
+            commanded, limited, reported: values [units], shape (channels,); `reported` is None for an unknown pose.
+            sensed: one array of shape (channels,) for each measured quantity; empty before the first measurement.
         """
         words = self._words
         number, self._number = self._number, self._number + 1
@@ -127,16 +135,16 @@ class Ring:
         self._reported[k] = self._unknown if reported is None else reported
         if self.sensed:
             self._sensed[k] = sensed or self._unknown
-        words[_HEAD] = head + 1  # last, so that nobody takes a row that is not whole
+        words[_HEAD] = head + 1  # written last, so that no incomplete row is taken out
 
     def take(self, *, last: bool = False) -> Rows:
-        """Take rows out, in their order; some of them, where there are many.
+        """Take rows out in their order, at most `MOST_AT_ONCE`.
 
-        Only rows that were there at the call before are taken, so that on processors that reorder their stores they
-        are whole too.
+        Only rows that were in the ring at the previous call are taken. They are complete even on a processor that
+        reorders its stores.
 
         Args:
-            last: nobody puts in more: all that is there is taken.
+            last: the sender adds no more rows, so rows that were added since the previous call may be taken, too.
         """
         words, head = self._words, self._words[_HEAD]
         upto, self._seen = (head if last else self._seen), head
@@ -149,16 +157,16 @@ class Ring:
 
     @property
     def lost(self) -> int:
-        """Rows that found no room."""
+        """Number of rows lost because the ring was full."""
         return int(self._words[_LOST])
 
     @property
     def waiting(self) -> int:
-        """Rows that nobody has taken out yet."""
+        """Number of rows that have not been taken out yet."""
         return int(self._words[_HEAD] - self._words[_TAIL])
 
     def write_status(self, status: Mapping[str, Any]) -> None:
-        """Tell how the writing stands."""
+        """Publish the status of the writing process."""
         self._status.put(json.dumps(status).encode())
 
     @property
@@ -167,12 +175,12 @@ class Ring:
         return self._status.number()
 
     def read_status(self) -> dict[str, Any]:
-        """Return how the writing stands; empty before the first status."""
+        """Return the status of the writing process; empty before the first one."""
         found = self._status.get()
         return dict(json.loads(found[1])) if found else {}
 
     def close(self) -> None:
-        """Let go of the memory; the file stays until `remove`. Safe to call twice."""
+        """Release the memory; the file stays until `remove`. Safe to call twice."""
         if self._memory.closed:
             return
         self._words.release()
@@ -180,8 +188,11 @@ class Ring:
         self._memory.close()
 
     def remove(self) -> None:
-        """Remove the file; who has it mapped keeps it. Safe to call twice, and by both sides."""
-        with contextlib.suppress(PermissionError):  # Windows: the other side still has it
+        """Remove the file; a process that has mapped it can still use it.
+
+        Safe to call twice, and from both processes.
+        """
+        with contextlib.suppress(PermissionError):  # Windows: the other process still has it open
             self.path.unlink(missing_ok=True)
 
 

@@ -1,4 +1,7 @@
-"""A row of the log: one sample of one device, with all channels that its command carries; and the log's header."""
+"""The rows and the header of a log.
+
+A row is one sample of one device, with all channels of its command.
+"""
 
 from __future__ import annotations
 
@@ -13,35 +16,35 @@ from numpy.typing import NDArray
 from ...errors import DermisError
 
 SCHEMA = "dermis-stream-log 2"
-FIRST_SCHEMA = "dermis-stream-log 1"  # without measurements beside the pose
-BLOCKS = ("commanded", "limited", "sent", "reported")  # one value a channel each
+FIRST_SCHEMA = "dermis-stream-log 1"  # the first version, without measurements beside the pose
+BLOCKS = ("commanded", "limited", "sent", "reported")  # fields with one value for each channel
 Rows = NDArray[np.void]
 
 
 class Phase(IntEnum):
     """The part of the stream that a sample belongs to."""
 
-    LIVE = 0  # it comes from the source: track, preview, hand or finger
-    RAMP = 1  # a step on the way to the safe state, led by the sender
-    SAFE = 2  # the safe state itself, or the message that sends the device there
+    LIVE = 0  # a sample of the source: track, preview, hand or finger
+    RAMP = 1  # a step of a ramp to the safe state, commanded by the sender
+    SAFE = 2  # the safe state itself, or the message that makes the device go there
 
 
 class Fate(IntEnum):
     """The outcome of a sample."""
 
     SENT = 0
-    LATE = 1  # sent after its moment
-    DROPPED = 2  # the link had no room, or the stream ended first
+    LATE = 1  # sent after its time
+    DROPPED = 2  # not sent: the link had no room, or the stream ended before
 
 
-# Fields before the values of a row, in the ring and in a file alike; 48 bytes without gaps.
+# Fields before the values of a row, in the ring and in files: 48 bytes without gaps.
 HEAD: tuple[tuple[str, str], ...] = (
-    ("number", "<u8"),  # of the sample, from 0; lost rows leave a gap
-    ("time", "<f8"),  # when it left, or was dropped [s]
-    ("play", "<f8"),  # when it counts [s]; NaN: at once
-    ("track", "<f8"),  # time of the track that it shows [s]; NaN: it is of no track
-    ("heard", "<f8"),  # when the device reported the pose [s]; NaN: it has reported none
-    ("skipped", "<u4"),  # samples that were left out just before it
+    ("number", "<u8"),  # number of the sample, from 0; a lost row leaves a gap
+    ("time", "<f8"),  # [s] time at which the sample was sent or dropped
+    ("play", "<f8"),  # [s] play-out time; NaN: at once
+    ("track", "<f8"),  # [s] time within the track; NaN: the sample belongs to no track
+    ("heard", "<f8"),  # [s] time at which the device reported the pose; NaN: it has reported none
+    ("skipped", "<u4"),  # number of samples that were left out just before this one
     ("phase", "u1"),
     ("fate", "u1"),
     ("", "V2"),
@@ -49,15 +52,22 @@ HEAD: tuple[tuple[str, str], ...] = (
 
 
 def file_rows(channels: int, sensed: int = 0) -> np.dtype[np.void]:
-    """Return the layout of rows in files and datagrams: values as float32, little-endian, without gaps.
+    """Return the layout of rows in files and datagrams.
 
-    `sensed`: quantities that the device measures beside its pose; the field 'sensed' has the shape (sensed, channels).
+    Values are float32, little-endian, without gaps.
+
+    Args:
+        channels: number of channels. sensed: number of quantities that the device measures beside its pose; the field
+            'sensed' has the shape (sensed, channels).
     """
     return _layout("<f4", BLOCKS, channels, sensed)
 
 
 def ring_rows(channels: int, sensed: int = 0) -> np.dtype[np.void]:
-    """Return the layout of rows in the ring: values as the sender computes with them; see `file_rows`."""
+    """Return the layout of rows in the ring, with values as float64.
+
+    The field 'sent' is missing; the writing process computes it. See `file_rows`.
+    """
     return _layout("<f8", tuple(name for name in BLOCKS if name != "sent"), channels, sensed)
 
 
@@ -68,14 +78,17 @@ def _layout(number: str, blocks: tuple[str, ...], channels: int, sensed: int) ->
 
 
 def values_of(rows: Rows) -> NDArray[np.floating]:
-    """Return all values of rows of a file, in the order of `LogHeader.columns`, shape (rows, columns)."""
+    """Return all values of rows of a file, shape (rows, columns).
+
+    The columns are in the order of `LogHeader.columns`.
+    """
     blocks = [*(rows[name] for name in BLOCKS), *np.moveaxis(rows["sensed"], 1, 0)]
     return np.concatenate(blocks, axis=1)
 
 
 @dataclass(frozen=True)
 class Channel:
-    """A column, or a quantity that a device measures: its name and unit."""
+    """Name and unit of a channel, or of a quantity that a device measures."""
 
     name: str
     unit: str
@@ -87,14 +100,15 @@ class LogHeader:
 
     Attributes:
         log: identifier of the log, the same in all its files. file: number of this file, from 1.
-        removed: how many of its older files were removed so far.
+        removed: number of older files of this log that were removed before this file began.
         started: wall-clock time of the rows' time 0, UTC, as ISO 8601. started_unix: the same [s since 1970].
-        clock: reading of this computer's stream clock at time 0 [s].
-        device, name, preset: key, name and hash of the device preset. protocol, url: of the link.
-        rate: planned commands a second [Hz]. channels: in the order of the values.
-        zero, gain: of the calibration when the log began: limited = zero + gain * commanded, before limits;
-            a measured curve, which the calibration in the header has, is inverted after that.
-        program: that wrote it. sensed: quantities that the device measures beside its pose, in the order of the values.
+        clock: stream clock of this computer at the rows' time 0 [s].
+        device, name, preset: key, name and hash of the device preset. protocol, url: protocol and URL of the link.
+        rate: planned command rate [Hz]. channels: channels in the order of the values.
+        zero, gain: zero and gain of the calibration when the log began, one value for each channel. Before limits,
+            limited = zero + gain * commanded. A measured curve of the calibration is inverted after that.
+        program: name of the program that wrote the log.
+        sensed: quantities that the device measures beside its pose, in the order of the values.
     """
 
     log: str
@@ -116,12 +130,15 @@ class LogHeader:
     sensed: tuple[Channel, ...] = ()
 
     def plain(self) -> dict[str, Any]:
-        """Return it as JSON values."""
+        """Return the header as JSON values."""
         return {"schema": SCHEMA, **asdict(self)}
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the values' columns, with units: 'commanded.pulley_1[rad]', 'temperature.pulley_1[degC]'."""
+        """Names of the columns of values, with units.
+
+        Examples are 'commanded.pulley_1[rad]' and 'temperature.pulley_1[degC]'.
+        """
         values = [f"{block}.{c.name}[{c.unit}]" for block in BLOCKS for c in self.channels]
         return (*values, *(f"{q.name}.{c.name}[{q.unit}]" for q in self.sensed for c in self.channels))
 
@@ -130,7 +147,7 @@ def header_of(plain: Mapping[str, Any], where: str) -> LogHeader:
     """Read a header from JSON values.
 
     Raises:
-        DermisError: another schema, a field that is missing, unknown or of another kind.
+        DermisError: another schema, or a field that is missing, unknown or of a wrong type.
     """
     if plain.get("schema") not in (SCHEMA, FIRST_SCHEMA):
         limit = f"{SCHEMA} or {FIRST_SCHEMA}"

@@ -1,4 +1,7 @@
-"""Settings of a log: a file or folder, its form and limits, and addresses to which the rows are teed."""
+"""Settings of a log: file or folder, format, size limits and tees.
+
+A tee sends the rows to another program while they are written.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +13,19 @@ from pathlib import Path
 from ...errors import DermisError
 from ..links.url import Url
 
-FORMS: Mapping[str, str] = {"csv": ".csv", "binary": ".dlog"}  # form -> suffix of its files
-MEGABYTE = 1_000_000
-TEE_RATE = 2000.0  # datagrams a second at most, unless the address says otherwise: twice the fastest device [Hz]
+FORMS: Mapping[str, str] = {"csv": ".csv", "binary": ".dlog"}  # format -> suffix of its files
+MEGABYTE = 1_000_000  # [bytes]
+TEE_RATE = 2000.0  # [Hz] default of the largest rate of datagrams: twice the rate of the fastest device
 TEE_FORMS = ("json", "binary")
 
 
 @dataclass(frozen=True)
 class Tee:
-    """Where rows go besides the log.
+    """An address to which rows are sent besides the log.
 
     Attributes:
-        kind: 'udp' or 'lsl'. text: the address as it was given. host, port, form: of UDP. name: of an LSL stream.
-        rate: rows a second at most [Hz]; 0: all.
+        kind: 'udp' or 'lsl'. text: the address as given. host, port, form: host, port and format of UDP datagrams.
+        name: name of an LSL stream. rate: largest rate of rows [Hz]; 0: all rows.
     """
 
     kind: str
@@ -38,7 +41,7 @@ class Tee:
         """Read an address: udp://HOST:PORT?format=json|binary&rate=HZ, or lsl:NAME.
 
         Raises:
-            DermisError: it is none, or the package that it needs is not installed.
+            DermisError: the address is invalid, or the package that it needs is not installed.
         """
         if text.startswith("lsl:"):
             name = text.removeprefix("lsl:").removeprefix("//")
@@ -79,9 +82,9 @@ class LogSettings:
     """Settings of a log and its tees.
 
     Attributes:
-        path: a file that ends in .csv or .dlog, or a folder for files that are named by device and time; '': no file.
-        form: 'csv' or 'binary', of files in a folder. size, total: of one file, and of all files of one log [bytes].
-        tees: addresses.
+        path: a file that ends in .csv or .dlog, or a folder for files named by device and time; '': no file.
+        form: format of files in a folder, 'csv' or 'binary'.
+        size, total: largest size of one file, and of all files of one log [bytes]. tees: addresses of the tees.
     """
 
     path: str = ""
@@ -92,14 +95,14 @@ class LogSettings:
 
     @property
     def wanted(self) -> bool:
-        """Whether anything is to be written or teed."""
+        """Whether there is a file or a tee."""
         return bool(self.path or self.tees)
 
     def check(self) -> None:
         """Refuse invalid settings, without touching a file.
 
         Raises:
-            DermisError: less room for all files than for one, another suffix, or an address that is none.
+            DermisError: `total` is below `size`, the path has another suffix, or a tee is invalid.
         """
         for text in self.tees:
             Tee.of(text)
@@ -120,13 +123,13 @@ class LogSettings:
             )
 
     def place(self, device: str, stamp: str) -> tuple[Path, str]:
-        """Return the path of the first file, which must not exist yet, and its form.
+        """Return the path of the first file, which does not exist yet, and its format.
 
         Args:
             device: key of the device. stamp: date and time, for the name of a file in a folder.
 
         Raises:
-            DermisError: the file is there already, or its folder is not there or cannot be made.
+            DermisError: the file exists already, or its folder does not exist or cannot be made.
         """
         path, suffixes = Path(self.path), {suffix: form for form, suffix in FORMS.items()}
         form = suffixes.get(path.suffix.lower(), "")
@@ -156,5 +159,5 @@ class LogSettings:
 
 
 def settings_of(log: str, form: str, size: float, total: float, tee: str) -> LogSettings:
-    """Return settings from a request's fields; `tee` has addresses with blanks between them."""
+    """Return settings from a request's fields; `tee`: addresses separated by blanks."""
     return LogSettings(log, form, size, total, tuple(tee.split()))

@@ -1,7 +1,8 @@
-"""The process that takes rows out of a ring and hands them to files and tees, so that the sender waits for nothing.
+"""The process that writes the rows of a ring to files and tees.
 
-Its standard input is the parent pipe: when that ends, the sender has let go or is gone. All rows that are left are
-written then, also after `kill -9` of the sender.
+It is a process of its own, so that the sender never waits for a disk or a network. Its standard input is a pipe from
+the sender. The end of that pipe shows that the sender has closed the log or has ended, even by `kill -9`. The process
+then writes all remaining rows.
 """
 
 from __future__ import annotations
@@ -36,46 +37,53 @@ from .row import Fate, LogHeader, Rows, file_rows, header_of
 from .settings import Tee
 from .udp_tee import UdpTee
 
-POLL = 0.01  # between two looks into the ring; rows are on their way after one or two [s]
-STATUS_EVERY = 0.1  # [s]
-_IGNORED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")  # of a terminal: the parent pipe tells when it ends
+POLL = 0.01  # [s] time between two reads of the ring; a row is taken out by the first or second read after it
+STATUS_EVERY = 0.1  # [s] time between two reports of the status
+_IGNORED = (
+    "SIGINT",
+    "SIGTERM",
+    "SIGHUP",
+    "SIGQUIT",
+    "SIGTSTP",
+)  # signals of a terminal; only the pipe ends this process
 
 
 class Sink(Protocol):
-    """Where rows go."""
+    """The interface of a file or tee that takes rows."""
 
     def take(self, rows: Rows, now: float) -> None:
-        """Take rows."""
+        """Write or send rows."""
 
     def close(self, summary: Mapping[str, Any]) -> None:
-        """End, since no more rows come."""
+        """End with a summary, after the last row."""
 
     def give_up(self) -> None:
-        """Let go after a failure."""
+        """Release all resources after a failure."""
 
 
 class Outlet:
-    """A sink that may fail: a failure is reported once, and concerns no other sink.
+    """A sink that may fail without effect on other sinks.
 
     Attributes:
-        name: of a file or an address. sink: None where it has failed. ended: why, in words.
+        name: name of the file or address. sink: the sink, None after a failure. ended: reason of the failure, in
+            words; '' for none.
     """
 
     def __init__(self, name: str, make: Callable[[], Sink]) -> None:
         self.name, self.ended = name, ""
         self.sink: Sink | None = None
-        self.last: Sink | None = None  # for its counters
+        self.last: Sink | None = None  # the sink even after a failure, for its counters
         with self._telling():
             self.sink = self.last = make()
 
     def take(self, rows: Rows, now: float) -> None:
-        """Hand rows over."""
+        """Pass rows to the sink, unless it has failed."""
         if self.sink is not None:
             with self._telling():
                 self.sink.take(rows, now)
 
     def close(self, summary: Mapping[str, Any]) -> None:
-        """End it."""
+        """Close the sink, unless it has failed."""
         if self.sink is not None:
             with self._telling():
                 self.sink.close(summary)
@@ -84,7 +92,7 @@ class Outlet:
     def _telling(self) -> Any:
         try:
             yield
-        except Exception as error:  # of a library too: nothing here may take the other sinks along
+        except Exception as error:  # any error, also one of a library: the other sinks must go on
             said = getattr(error, "strerror", None) or str(error) or type(error).__name__
             self.ended = f"{self.name} ended: {said}; the stream goes on without it"
             sink, self.sink = self.sink, None
@@ -94,10 +102,10 @@ class Outlet:
 
 
 class Writer:
-    """Takes rows out of one ring.
+    """Writes the rows of one ring to files and tees.
 
     Attributes:
-        ring: from which rows come. header: of the log. files: None without a file. tees: all that were asked for.
+        ring: source of the rows. header: header of the log. files: files of the log, None without. tees: all tees.
     """
 
     def __init__(self, ring: Ring) -> None:
@@ -122,7 +130,10 @@ class Writer:
         return Outlet(f"the tee {tee.text}", lambda: make(tee, self.header))
 
     def step(self, now: float, *, last: bool = False) -> bool:
-        """Hand on the available rows; return whether there were any."""
+        """Pass the available rows to all sinks; return whether there were any.
+
+        `last`: the sender adds no more rows, so all rows may be taken.
+        """
         taken = self.ring.take(last=last)
         if len(taken):
             self._taken += len(taken)
@@ -132,7 +143,11 @@ class Writer:
         return bool(len(taken))
 
     def rows_of(self, taken: Rows) -> Rows:
-        """Return rows of the ring as files have them: times from the log's start, and the values as carried."""
+        """Return rows of the ring in the layout of files.
+
+        Times count from the start of the log. The field 'sent' has the values as the protocol sends them, NaN for a
+        sample that was dropped.
+        """
         rows = np.zeros(len(taken), self._layout)
         for name in ("number", "skipped", "phase", "fate", "commanded", "limited", "reported", "sensed"):
             rows[name] = taken[name]
@@ -143,7 +158,7 @@ class Writer:
         return rows
 
     def close(self) -> None:
-        """Write the remaining rows, and end every sink."""
+        """Write the remaining rows, then close every sink."""
         while self.step(clock.now(), last=True):
             pass
         summary = {
@@ -155,7 +170,7 @@ class Writer:
             outlet.close(summary)
 
     def status(self) -> dict[str, Any]:
-        """Return how things stand, as JSON values."""
+        """Return counters and failures of the log, as JSON values."""
         files = self.files.last if self.files is not None else None
         ended = [outlet.ended for outlet in self._outlets() if outlet.ended]
         status: dict[str, Any] = {"rows": self._taken, "lost": self.ring.lost, "ended": "; ".join(ended), "tees": []}
@@ -178,7 +193,7 @@ class Writer:
 
 
 def _dated(header: LogHeader) -> LogHeader:
-    """Return a header with the wall-clock time at which its clock stood where it says."""
+    """Return a header with the wall-clock time that belongs to its `clock`."""
     wall = time.time() - (clock.now() - header.clock)
     return replace(
         header, started_unix=wall, started=datetime.fromtimestamp(wall, UTC).isoformat(timespec="microseconds")
@@ -186,7 +201,7 @@ def _dated(header: LogHeader) -> LogHeader:
 
 
 def serve(options: argparse.Namespace) -> int:
-    """Write until the sender has let go of a ring or is gone; return the exit status."""
+    """Write until the sender has closed the log or has ended; return the exit status."""
     for name in _IGNORED:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -194,7 +209,7 @@ def serve(options: argparse.Namespace) -> int:
     gone = threading.Event()
     follow_parent(gone.set)
     if os.name == "posix":
-        ring.remove()  # both have it mapped; nothing is left behind, whoever is killed
+        ring.remove()  # both processes have it mapped, so no file is left behind if one is killed
     writer = Writer(ring)
     told = -math.inf
     while not gone.is_set():

@@ -1,4 +1,4 @@
-"""A virtual device that speaks the native protocol, by the same contract as the firmware.
+"""A simulated device of the native protocol, with the same answers as the firmware.
 
 `tests/unit/stream/virtual/test_receivers.py` runs one script of packets against both and compares their answers.
 """
@@ -17,28 +17,32 @@ from ..protocols.wire import Wire
 from .faults import FaultyClock
 
 DEVICE_ID = b"VIRTUAL1"
-TOUCH_EVERY = 0.02  # a finger that stays down is reported again this often [s]
-NACK_EVERY = 0.005  # one NACK in this time at most: a flood gets no answer to each of its frames [s]
-WINDOW = 1024  # packets: a larger gap in the sequence means an old packet, not a loss
-MAX_STEP = 5.0  # longest time that a device that stood still catches up on [ms]: no jump
-AT_ONCE = 1e9  # [counts a millisecond]
-_RIGHT = FaultyClock()
-WATCHDOGS = range(10, 81)  # silences that may be asked for [ms]
+TOUCH_EVERY = 0.02  # [s] time between two reports of a finger that stays down
+NACK_EVERY = 0.005  # [s] shortest time between two NACKs, so that not every frame of a flood is answered
+WINDOW = 1024  # [packets] a packet whose number is further ahead is an old one, so the gap is not counted as a loss
+MAX_STEP = 5.0  # [ms] longest time step of the movement, so that a device that stood still does not jump
+AT_ONCE = 1e9  # [counts/ms] speed of a transition to the safe state at once
+_RIGHT = FaultyClock()  # a clock without faults
+WATCHDOGS = range(10, 81)  # [ms] silences that a sender may configure
 
 
 class NativeDevice:
-    """Actuators that follow their targets at their own speed, a queue of timed commands, and a watchdog.
+    """A device with actuators, a queue of timed commands and a watchdog.
+
+    The actuators follow their targets within the slew limits of the sender's configuration.
 
     Args:
-        stuck: number of an actuator that does not move; -1: none.
-        clock: how its clock runs.
-        queue: how many commands it can hold for later, at most 255.
-        output_hz: the reported rate at which its actuators take new values [Hz]; 0: at every command.
+        wire: description of the device.
+        stuck: index of an actuator that does not move; -1: none.
+        clock: the device's clock, with its faults.
+        queue: number of commands that the device can hold for later, at most 255.
+        spec_hash: first 8 bytes of the hash of the preset; zeros: any preset.
+        output_hz: reported rate at which the actuators take new values [Hz]; 0: at every command.
 
     Attributes:
-        counts: where the actuators are, shape (channels,). state: `DeviceState`.
-        received, lost, damaged, late, watchdogs: counters. play_error: largest error of a play-out time [s of host].
-        safe_at: when the safe state was reached last [s], or None.
+        counts: pose of the actuators [counts], shape (channels,). state: `DeviceState`.
+        received, lost, damaged, late, watchdogs: counters. play_error: largest error of a play-out time [s].
+        safe_at: time at which the present safe state was reached [s], or None.
     """
 
     datagrams = False
@@ -68,7 +72,7 @@ class NativeDevice:
         self._output_hz = output_hz
         self._start: float | None = None
         self._decoder = packets.Decoder()
-        self._session = 0  # nobody's
+        self._session = 0  # no session
         self._last = 0
         self._target = self.counts.copy()
         self._queue: deque[tuple[int, Array]] = deque()
@@ -77,21 +81,24 @@ class NativeDevice:
         self._timeout, self._reach = 0.0, Reach.RAMP
         self._safe = self.counts.copy()
         self._slew = np.full(count, 65535.0)
-        self._pace = self._slew  # on the way to safety [counts a millisecond]
-        self._way: float | None = None  # the rest of the way to safety [ms]; None: it is on none
+        self._pace = self._slew  # [counts/ms] speeds on the ramp to the safe state
+        self._way: float | None = None  # [ms] remaining time of that ramp; None without a ramp
         self._sequence = 0
         self._nacked = -np.inf
         self.released = self._driven = False
         self.pose_known = True
 
     def clock_us(self, now: float) -> int:
-        """Return the device's own microseconds, unwrapped; they start near the overflow to try it."""
+        """Return the device's clock, without overflow [us].
+
+        It starts near an overflow of 32 bits, so that overflows are tested.
+        """
         if self._start is None:
             self._start = now
         return 2**32 - 3_000_000 + round(self._clock.shows(now - self._start) * 1e6)
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """Take bytes; return answers."""
+        """Process received bytes; return the answers."""
         out: list[bytes] = []
         for packet in self._decoder.feed(data):
             try:
@@ -105,7 +112,10 @@ class NativeDevice:
         return out
 
     def tick(self, now: float) -> list[bytes]:
-        """Let time pass: play due commands, move, watch for silence, say again that a finger is down."""
+        """Advance to the time `now` [s]; return reports of a finger that is down.
+
+        The device plays due commands, moves its actuators and checks its watchdog.
+        """
         step = 0.0 if self._ticked is None else min((now - self._ticked) * 1e3, MAX_STEP)
         self._ticked = now
         if self.state == DeviceState.ARMED and now - self._heard > self._timeout:
@@ -115,7 +125,7 @@ class NativeDevice:
         while self._queue and self._queue[0][0] <= clock:
             when, self._target = self._queue.popleft()
             self.play_error = max(self.play_error, (clock - when) * 1e-6)
-        if self._driven:  # whatever other senders say: only ARM takes a way to safety over
+        if self._driven:  # another sender's session does not end a ramp to the safe state; only ARM does
             self._move(step * (self._slew if self.state == DeviceState.ARMED else self._pace))
         if self._way is not None:
             self._way = self._way - step if self._way > step else None
@@ -127,12 +137,18 @@ class NativeDevice:
         return []
 
     def touched(self, down: bool, x: float, y: float, now: float) -> bytes:
-        """Return the packet that reports a finger on the panel; `tick` repeats it while the finger is down."""
+        """Return the packet that reports a finger on the panel [m].
+
+        `tick` repeats the report while the finger is down.
+        """
         self.touch, self._touched = (down, x, y), now
         return self._pack(self._session, Kind.TOUCH, packets.touch(self.clock_us(now), down, x, y))
 
     def report(self) -> dict[str, object]:
-        """Return the device's state, for people and for the twin; `early_ms` is that of all timed commands so far."""
+        """Return the device's state as JSON values.
+
+        `early_ms`: smallest and largest time by which timed commands arrived before their play-out time [ms].
+        """
         return {
             "values": self.wire.named(self.wire.values(self.counts)),  # type: ignore[arg-type]
             "state": self.state.name.lower(),
@@ -150,7 +166,7 @@ class NativeDevice:
 
     def _take(self, packet: Packet, now: float) -> list[bytes]:
         kind, sequence = packet.kind, packet.sequence
-        if packet.session != self._session or not self._session:  # another sender: it may begin where nobody is armed
+        if packet.session != self._session or not self._session:  # a new session may begin unless the device is armed
             if kind != Kind.HELLO or self.state == DeviceState.ARMED:
                 return self._nack(packet.session, sequence, Nack.OTHER_SESSION, now)
             packets.read_hello(packet.body)
@@ -160,7 +176,7 @@ class NativeDevice:
             self._queue.clear()
         ahead = (sequence - self._last) & 0xFFFF
         if ahead == 0 or ahead > WINDOW:
-            return []  # a copy, overtaken, or out of another time: no sign of life
+            return []  # a copy, an overtaken or an old packet is no sign of life
         out = []
         if ahead > 1:
             self.lost += ahead - 1
@@ -172,10 +188,10 @@ class NativeDevice:
             return out + self._nack(self._session, sequence, Nack.MALFORMED, now)
 
     def _take_own(self, packet: Packet, now: float) -> list[bytes]:
-        """Take a packet of the session.
+        """Process a packet of the session; return the answers.
 
         Raises:
-            DermisError: it is malformed.
+            DermisError: the packet is malformed.
         """
         kind = packet.kind
         if kind == Kind.HELLO:
@@ -224,7 +240,7 @@ class NativeDevice:
         if not slew.all():
             raise DermisError("a channel may not move at all", value=0, limit="1 to 65535 counts a millisecond")
         if self.state == DeviceState.ARMED:
-            return  # nobody changes the safe state under way
+            return  # the safe state of an armed device does not change
         self._timeout, self._reach = watchdog * 1e-3, Reach(reach)
         self._safe, self._slew = safe.astype(np.float64), slew.astype(np.float64)
         if not self.pose_known:
@@ -258,7 +274,7 @@ class NativeDevice:
         return self._nack(self._session, packet.sequence, Nack.LATE, now)
 
     def _move(self, most: Array) -> None:
-        """Go towards the targets by no more than so many counts."""
+        """Move towards the targets by at most `most` [counts], shape (channels,)."""
         move = np.minimum(np.maximum(self._target - self.counts, -most), most)
         if self._stuck >= 0:
             move[self._stuck] = 0.0
@@ -279,9 +295,9 @@ class NativeDevice:
         return self._pack(self._session, Kind.SYNCED, reply.body())
 
     def _go_safe(self) -> None:
-        """Begin the way to the safe state.
+        """Begin the transition to the safe state.
 
-        A way that is under way goes on as it began: a second SAFE changes neither its speed nor its end.
+        A ramp to it that has begun goes on: a second SAFE changes neither its speed nor its target.
         """
         if self.state == DeviceState.IDLE:
             return
@@ -289,19 +305,22 @@ class NativeDevice:
         self.state, self.safe_at = DeviceState.SAFE, None
         if self._way is not None:
             return
-        if self._reach == Reach.RELEASE:  # where it lets go, nobody knows where it will be
+        if self._reach == Reach.RELEASE:  # after letting go the pose is not known
             self.pose_known = self._driven = False
             self.released = True
             return
         self._target = self._safe.copy()
         way = np.abs(self._target - self.counts)
         longest = 0.0 if self._reach == Reach.AT_ONCE else float((way / self._slew).max())
-        # All channels begin and arrive together: a platform whose channels come home one by one tilts.
+        # All channels begin and arrive together. If they arrived one after another, a platform would tilt.
         self._pace = way / longest if longest else np.full(self.wire.count, AT_ONCE)
         self._way = longest if self._driven else None
 
     def _nack(self, session: int, sequence: int, reason: Nack, now: float) -> list[bytes]:
-        """Refuse a packet; an answer that comes too soon after the last is dropped, and its number stays used."""
+        """Return the NACK of a refused packet.
+
+        A NACK too soon after the last one is dropped; its sequence number stays used.
+        """
         answer = self._pack(session, Kind.NACK, packets.nack(sequence, reason))
         if now - self._nacked < NACK_EVERY:
             return []

@@ -1,4 +1,7 @@
-"""Simulated smart servos on one line, with the registers of a Dynamixel XL330 or a Feetech STS3215 or SCS."""
+"""Simulated smart servos on one line.
+
+They have the registers of a Dynamixel XL330, a Feetech STS3215, or a Feetech servo of the SCS family.
+"""
 
 from __future__ import annotations
 
@@ -12,18 +15,21 @@ from ..protocols.bus import dynamixel as dxl
 from ..protocols.bus import feetech as fts
 from ..protocols.wire import Wire
 
-ROOM = 31.0  # [degC]
+ROOM = 31.0  # [degC] reported temperature of every servo
 
 
 class SimulatedServo:
-    """A servo: its registers, and a shaft that is where its goal is while the torque is on.
+    """The registers and the shaft of a servo.
+
+    While the torque is on, the shaft is at its goal at once.
 
     Attributes:
+        id: id of the servo.
         memory: registers.
         position: position of the shaft [counts].
         error: error byte of its answers.
         heard: time of the last instruction [s].
-        held: the shaft is held, so it does not follow.
+        held: the shaft is held fast, so it does not follow its goal.
     """
 
     def __init__(self, servo: int, position: int) -> None:
@@ -33,11 +39,11 @@ class SimulatedServo:
         self.held = False
 
     def word(self, at: int, form: str = "<H") -> int:
-        """Return a register."""
+        """Return the number in a register; `form`: its format in `struct`."""
         return int(struct.unpack_from(form, self.memory, at)[0])
 
     def put(self, at: int, value: int, form: str = "<H") -> None:
-        """Set a register."""
+        """Set the number in a register; `form`: its format in `struct`."""
         struct.pack_into(form, self.memory, at, value)
 
 
@@ -45,11 +51,12 @@ class ServoBusDevice:
     """Servos on one half-duplex line.
 
     Args:
-        twin: a second servo answers to the same id as the one of that number; -1: none. first: id of the first servo.
+        wire: description of the device. stuck: index of a servo that does not move; -1: none.
+        first: id of the first servo. twin: id of a second servo, which answers as well; -1: none.
     """
 
     datagrams = False
-    MIDDLE, COUNTS = 2048, 4096 / (2 * math.pi)  # position of 0 rad, and counts a radian
+    MIDDLE, COUNTS = 2048, 4096 / (2 * math.pi)  # [counts] position of 0 rad, and [counts/rad]
     GOAL, POSITION, TORQUE, FORM = 0, 0, 0, "<H"
 
     def __init__(self, wire: Wire, *, stuck: int = -1, first: int = 1, twin: int = -1) -> None:
@@ -63,7 +70,7 @@ class ServoBusDevice:
             self.servos[stuck].held = True
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """Take bytes; return answers, in the order in which they come."""
+        """Process received bytes; return the answers in their order."""
         self.tick(now)
         self._buffer += data
         out: list[bytes] = []
@@ -74,11 +81,11 @@ class ServoBusDevice:
         return out
 
     def tick(self, now: float) -> list[bytes]:
-        """Let time pass."""
+        """Advance to the time `now` [s]; servos do nothing by themselves."""
         return []
 
     def report(self) -> dict[str, object]:
-        """Return where the servos are, and whether their torque is off."""
+        """Return the values of the servos, and whether every torque is off."""
         counts = np.array([servo.position for servo in self._driven])
         return {
             "values": self.wire.named((counts - self.MIDDLE) / self.COUNTS),
@@ -90,14 +97,17 @@ class ServoBusDevice:
         raise NotImplementedError
 
     def _instruction(self) -> tuple[int, int, bytes] | None:
-        """Take the next instruction from the buffer: id, instruction, parameters."""
+        """Take the next instruction from the buffer: id, instruction, parameters.
+
+        None: there is no complete instruction.
+        """
         raise NotImplementedError
 
     def _do(self, servo: int, instruction: int, parameters: bytes, now: float) -> list[bytes]:
         raise NotImplementedError
 
     def _move(self, servo: SimulatedServo) -> None:
-        """Bring the shaft to its goal."""
+        """Move the shaft to its goal, if the servo can."""
         if servo.memory[self.TORQUE] & 1 and not servo.held and self._obeys(servo):
             servo.position = self._signed(servo.word(self.GOAL, self.FORM))
         self._store(servo)
@@ -115,17 +125,19 @@ class ServoBusDevice:
         return [servo for wanted in ids for servo in self.servos if servo.id == wanted]
 
     def _set_rows(self, rows: bytes, size: int, write: Callable[[SimulatedServo, bytes], None]) -> None:
-        """Write the rows of a Sync Write: an id and its registers each."""
+        """Write the rows of a Sync Write, each with an id and `size` register bytes."""
         for k in range(0, len(rows) - size, size + 1):
             for servo in self._for(rows[k : k + 1]):
                 write(servo, rows[k + 1 : k + 1 + size])
 
 
 class DynamixelDevice(ServoBusDevice):
-    """Dynamixel XL330-M288. Its bus watchdog stops it, and goals are refused until that is cleared.
+    """Dynamixel servos, by default XL330-M288.
+
+    A servo that its bus watchdog has stopped refuses goals until the watchdog is cleared.
 
     Args:
-        model: number. fast: it knows Fast Sync Read. mode: Operating Mode.
+        model: model number. fast: whether the servos support Fast Sync Read. mode: Operating Mode.
     """
 
     GOAL, POSITION, TORQUE, FORM = dxl.GOAL, dxl.POSITION, dxl.TORQUE, "<i"
@@ -135,7 +147,7 @@ class DynamixelDevice(ServoBusDevice):
         super().__init__(wire, **more)
 
     def tick(self, now: float) -> list[bytes]:
-        """Stop servos whose bus watchdog has heard nothing for its time."""
+        """Stop the servos whose bus watchdog has timed out at the time `now` [s]."""
         for servo in self.servos:
             watch = servo.memory[dxl.BUS_WATCHDOG]
             late = now - servo.heard > watch * dxl.WATCH_UNIT / 1e3
@@ -202,7 +214,7 @@ class DynamixelDevice(ServoBusDevice):
         elif at == dxl.BUS_WATCHDOG and stopped and data[0]:
             return
         elif at == dxl.TORQUE and data[0] and not servo.memory[dxl.TORQUE]:
-            servo.put(dxl.GOAL, servo.position, "<i")  # in position modes it begins at its pose
+            servo.put(dxl.GOAL, servo.position, "<i")  # with the torque on, a servo's first goal is its position
         servo.memory[at : at + len(data)] = data
 
     def _obeys(self, servo: SimulatedServo) -> bool:
@@ -210,10 +222,12 @@ class DynamixelDevice(ServoBusDevice):
 
 
 class FeetechDevice(ServoBusDevice):
-    """Feetech STS3215, or a servo of the SCS family: no watchdog, and its torque comes on with the last goal.
+    """Feetech STS3215 servos, or servos of the SCS family.
+
+    They have no watchdog. A servo whose torque is switched on moves to its last goal.
 
     Args:
-        scs: whether it is of the SCS family, which has 1024 counts, the opposite byte order, and no Sync Read.
+        scs: whether the servos are of the SCS family, which has 1024 counts, the opposite byte order and no Sync Read.
     """
 
     GOAL, POSITION, TORQUE = fts.GOAL, fts.POSITION, fts.TORQUE

@@ -1,1 +1,1 @@
-"""The test of a real device before a finger goes in."""
+"""The acceptance test of a built device, before a finger is put in."""

@@ -1,4 +1,8 @@
-"""`python -m core stream measure`: drive one actuator from stop to stop, fingers out, and ask for its position."""
+"""The command `stream measure`: measure the response curve of one actuator.
+
+It is `python -m core stream measure`. It drives the actuator to one stop after another and asks the person for its
+position. No finger may be in the device.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +23,16 @@ from ..signals import Interrupted, Signals
 from .bench import Bench
 from .person import INTRODUCTION, Person, Terminal
 
-HANDY = {"m": ("mm", 1e3), "rad": ("degrees", math.degrees(1.0))}  # the unit that a person reads, and one SI unit in it
-SETTLED = 0.5  # an actuator has come to rest so long after it was driven there [s]
-FEWEST = LEAST + 2  # stops: the ends of a way may be left out
+HANDY = {"m": ("mm", 1e3), "rad": ("degrees", math.degrees(1.0))}  # SI unit -> unit for people, and its number in it
+SETTLED = 0.5  # [s] time in which an actuator comes to rest after its movement
+FEWEST = LEAST + 2  # smallest number of stops: those at both ends may be left out
 
 
 def run(options: argparse.Namespace) -> int:
-    """Measure a curve and write the calibration that has it; return 0, or 1 where the safe state is not sure."""
+    """Measure a curve and write a calibration with it; return the exit status.
+
+    It is 0, 1 if the safe state is not certain, or 128 plus the number of a signal that ended the measurement.
+    """
     request = request_from(options, options.device)
     path = options.out or Path(f"calibration_{options.device}_{options.channel}_{date.today().isoformat()}.json")
     if path.exists():
@@ -48,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         )
     person = Terminal(lambda: bench.run(0.01))
     unsure, curve = "", None
-    with signals.caught():  # for as long as the device may be anywhere: an interruption brings it home first
+    with signals.caught():  # an interruption first brings the device to its safe state
         try:
             print(INTRODUCTION)
             person.wait(f"{bench.wire.spec.name} at {options.url}: fingers out? Enter begins.")
@@ -68,13 +75,16 @@ def run(options: argparse.Namespace) -> int:
 
 
 def walk(bench: Bench, person: Person, name: str, count: int, valid_days: int) -> Response:
-    """Drive an actuator up and down through its range, all others safe; return the curve of the person's readings.
+    """Drive an actuator up and down its range; return the curve of the readings.
+
+    All other actuators stay at their safe values.
 
     Args:
-        count: stops on each way.
+        bench: bench with the device. person: person who reads the positions. name: channel of the actuator.
+        count: number of stops in each direction. valid_days: validity of the curve [days].
 
     Raises:
-        DermisError: the device cannot be driven, or the readings are no curve.
+        DermisError: the device cannot be driven, or the readings give no curve.
     """
     wire = bench.wire
     k = wire.names.index(name)
@@ -90,7 +100,7 @@ def walk(bench: Bench, person: Person, name: str, count: int, valid_days: int) -
         goal[k] = stop
         way = abs(stop - float(bench.connection.output.limiter.last[k]))
         bench.move(goal, SETTLED + (way / float(wire.slew[k]) if math.isfinite(wire.slew[k]) else 0.0))
-        at = float(bench.connection.output.limiter.last[k])  # a round range may end before
+        at = float(bench.connection.output.limiter.last[k])  # a disc as the range may end before the stop
         reading = person.number(f"{name} is driven to {at * factor:.4g} {unit}. What does it reach, in {unit}?")
         if reading is not None:
             driven.append(at)

@@ -1,1 +1,1 @@
-"""Data acquisition devices of National Instruments: a track's voltage out, forces and torques in, on one clock."""
+"""Data acquisition devices of National Instruments: output of a track, input of forces."""

@@ -1,4 +1,4 @@
-"""ForceSensor: calibration from a force and torque sensor's voltages to newtons, and its file, JSON of version 1."""
+"""The calibration of a force and torque sensor, and its file, JSON of version 1."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from ...foreign import json_of
 
 SCHEMA = "dermis-force-sensor 1"
 UNITS = ("N", "N m")
-MOST = 32  # channels
-FULL = 0.98  # of the input's range: a voltage beyond it may be larger than it looks
+MOST = 32  # largest number of channels
+FULL = 0.98  # [1] part of the inputs' range beyond which a voltage may be cut off
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class ForceSensor:
         name: name of the sensor.
         channels, units: names and units of the results, such as 'Fx' in 'N'.
         range: range of the inputs to either side of zero [V].
-        matrix: results a volt, shape (results, inputs), as rows.
+        matrix: rows of the calibration matrix, shape (results, inputs), in units of the results per volt.
     """
 
     name: str
@@ -40,23 +40,27 @@ class ForceSensor:
 
     @property
     def inputs(self) -> int:
-        """Return how many voltages it has."""
+        """Number of voltages of the sensor."""
         return len(self.matrix[0])
 
     def forces(self, volts: Array, tare: Array) -> Array:
-        """Return forces and torques, shape (n, results), of voltages (n, inputs); `tare`: those without a load."""
+        """Return forces and torques, shape (n, results).
+
+        Args:
+            volts: voltages [V], shape (n, inputs). tare: voltages without a load [V], shape (inputs,).
+        """
         return np.asarray((volts - tare) @ np.array(self.matrix).T)
 
     def beyond(self, volts: Array) -> int:
-        """Return how many rows of voltages are so near the end of their range that they may be cut."""
+        """Return the number of rows with a voltage that may be cut off."""
         return int((np.abs(volts) >= FULL * self.range).any(axis=1).sum())
 
     def dumps(self) -> str:
-        """Return it as JSON; equal ones give equal text."""
+        """Return the sensor as JSON; equal sensors give equal text."""
         return json.dumps({"schema": SCHEMA, **asdict(self)}, indent=1, allow_nan=False) + "\n"
 
     def save(self, path: Path) -> None:
-        """Write it, whole or not at all."""
+        """Write the file, completely or not at all."""
         write_bytes(Path(path), self.dumps().encode("utf-8"))
 
     @classmethod
@@ -64,7 +68,7 @@ class ForceSensor:
         """Read a file.
 
         Raises:
-            DermisError: no such file of this version, or a matrix that does not fit its channels.
+            DermisError: the file cannot be read, is not of this version, or its matrix does not fit its channels.
         """
         where = str(path)
         found: Any = json_of(read_text(path), where)

@@ -1,6 +1,7 @@
-"""An NI device by the maker's package `nidaqmx`, where that is installed: outputs and inputs on one hardware clock.
+"""Output and inputs of an NI device on one hardware clock.
 
-Only calls that the maker documents are used; a test holds each against the package's own signatures.
+They use the maker's package `nidaqmx`, which has to be installed. Only documented calls are used; a test compares each
+with the package's own signatures.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from ... import clock
 from ...arrays import Array
 from ...errors import DermisError
 
-CHUNK = 0.005  # written at once [s]
-AHEAD = 8  # chunks that wait in the device, and a stop for them
-PATIENCE = 0.5  # longest wait for room [s]
-HIGHEST = 10.0  # [V]: no analog output of theirs gives more
-STEADY = 1e-4  # relative error of the rate that the device's clock may have
+CHUNK = 0.005  # [s] time of the samples that are written at once
+AHEAD = 8  # number of chunks in the device's buffer; a stop takes effect after them
+PATIENCE = 0.5  # [s] longest wait for room in the buffer
+HIGHEST = 10.0  # [V] largest voltage of an analog output of these devices
+STEADY = 1e-4  # [1] largest relative error of the rate of the device's clock
 
 Sink = Callable[[float, Array], None]
 
@@ -43,17 +44,21 @@ def nidaqmx_package() -> Any:
 
 
 class Daq:
-    """One output and, with `inputs`, some inputs of one device, that the output's clock samples.
+    """One output of a device and, with `inputs`, some of its inputs.
+
+    The output's clock samples the inputs.
 
     Args:
         package: `nidaqmx`. output, inputs: physical channels, 'Dev1/ao0', 'Dev1/ai0:5'; '' for no inputs.
-        rate: samples a second of both [Hz]. volts: range of the output, either way [V]. sensed: that of the inputs [V].
+        rate: sampling rate of output and inputs [Hz]. volts: range of the output to either side of zero [V].
+        sensed: range of the inputs to either side of zero [V].
 
     Attributes:
-        dry: whether the device ran out of samples. channels: number of inputs.
+        output, rate: as above. dry: the device has stopped by itself, or its output is not known to be 0 V.
+        channels: number of inputs.
 
     Raises:
-        DermisError: driver or device are not there, or it does not take channels, range or rate.
+        DermisError: the driver or the device is missing, or the device does not support a channel, range or rate.
     """
 
     def __init__(self, package: Any, output: str, inputs: str, rate: float, volts: float, sensed: float = 10.0) -> None:
@@ -94,14 +99,16 @@ class Daq:
         self.channels = len(self._in.ai_channels) if self._in is not None else 0
 
     def play(self, samples: Array, ended: Callable[[], bool], sink: Sink | None = None) -> int:
-        """Play samples [V], shape (n,), then 0 V; return how many were played.
+        """Play samples, then 0 V; return the number of samples played.
 
         Args:
-            ended: asked before each chunk; once it holds, the voltage falls to 0 V within a chunk.
-            sink: takes times on this program's clock [s] of the first of some readings, and them [V], (n, channels).
+            samples: voltages [V], shape (n,).
+            ended: called before each chunk; once it returns True, the voltage falls to 0 V within a chunk.
+            sink: takes readings [V], shape (n, channels), and before them the time of the first by this program's
+                clock [s].
 
         Raises:
-            DermisError: the device is gone. It is told 0 V, if it still listens.
+            DermisError: the device ran dry, or is gone. The output is set to 0 V if the device still answers.
         """
         assert self._out is not None
         rest, played, stopping = samples, 0, False
@@ -132,17 +139,19 @@ class Daq:
         return played
 
     def sensed(self, seconds: float) -> Array:
-        """Return readings of the inputs for some time, while the output gives 0 V, shape (n, channels) [V].
+        """Return readings of the inputs [V], shape (n, channels).
+
+        They last for `seconds` [s], in which the output is at 0 V.
 
         Raises:
-            DermisError: the device is gone.
+            DermisError: the device ran dry, or is gone.
         """
         found: list[Array] = []
         self.play(np.zeros(max(round(seconds * self.rate), 1)), lambda: False, lambda _time, volts: found.append(volts))
         return np.concatenate(found) if found else np.zeros((0, self.channels))
 
     def close(self) -> None:
-        """Let the device go. Safe to call twice."""
+        """Release the device. Safe to call twice."""
         for task in (self._out, self._in):
             if task is not None:
                 task.close()
@@ -173,19 +182,22 @@ class Daq:
         self._read += len(volts)
 
     def _rest(self) -> None:
-        """Stop both tasks and tell the output 0 V: a device holds its last voltage when its task ends."""
+        """Stop both tasks, and set the output to 0 V.
+
+        Otherwise the device would hold its last voltage after its task has ended.
+        """
         for task in (self._out, self._in):
             if task is not None:
                 try:
                     task.stop()
                 except self._package.errors.DaqError:
-                    continue  # it has stopped by itself
+                    continue  # the task has stopped by itself
         try:
             with self._package.Task() as last:
                 last.ao_channels.add_ao_voltage_chan(self.output, min_val=-HIGHEST, max_val=HIGHEST)
                 last.write(0.0, auto_start=True, timeout=PATIENCE)
         except self._package.errors.DaqError:
-            self.dry = True  # the voltage at its output is not known now; the error under way says so
+            self.dry = True  # the voltage at the output is not known now
 
     def _refused(self, what: str, value: str) -> DermisError:
         return DermisError(

@@ -1,6 +1,7 @@
-"""`stream daq`: a track's voltage through an NI device, once, and the forces that a sensor measures meanwhile.
+"""The command `stream daq`: play a track's voltage through an NI device, and measure forces.
 
-Exit status: 0; 2 where it could not be played to its end; 128 and a signal's number.
+The track is played once. A force sensor can be read meanwhile.
+Exit status: 0; 2 if the track could not be played to its end; 128 plus a signal's number.
 """
 
 from __future__ import annotations
@@ -25,30 +26,30 @@ from .force_sensor import ForceSensor
 from .ni import HIGHEST, Daq, nidaqmx_package
 
 SCHEMA = "dermis-forces 1"
-FORCES_HZ = 1000.0  # rows a second of the file: each the mean of the readings within its time
-TARE = 0.5  # [s]
+FORCES_HZ = 1000.0  # [Hz] rate of the rows in the file, each the mean of the readings in its time
+TARE = 0.5  # [s] duration of the measurement without a load
 
 
 def daq(options: argparse.Namespace) -> int:
     """Play a track; return the exit status.
 
     Raises:
-        DermisError: an amplifier's gain that is not stated, a track or device that must not be played like this, or a
-            device that is gone.
+        DermisError: the amplifier's gain is not stated, the track must not be played on this device, or the device is
+            gone.
     """
     return run(options, nidaqmx_package(), Signals())
 
 
 def run(options: argparse.Namespace, package: Any, signals: Signals) -> int:
-    """Play a track with the maker's package, or its fake; see `daq`."""
-    settings = stated(vars(options), ("gain",), f"NI device, {options.output}")  # its own volts it knows
+    """Play a track with the maker's package, or with a simulation of it; see `daq`."""
+    settings = stated(vars(options), ("gain",), f"NI device, {options.output}")  # the device itself is set in volts
     track = export.read(options.track)
     volts, wave = volts_of(track, settings)
     if bool(options.inputs) != bool(options.sensor) or bool(options.forces) != bool(options.sensor):
         raise DermisError("--inputs, --sensor and --forces go together", where="stream daq")
     sensor = ForceSensor.load(options.sensor) if options.sensor else None
     for finding in wave.findings:
-        if finding.code != "constant-voltage":  # a sound card's
+        if finding.code != "constant-voltage":  # this warning applies to sound cards only
             print(finding, file=sys.stderr)
     peak = float(np.abs(volts).max(initial=0.0))
     full = wave.limit / float(wave.header["gain"])
@@ -94,10 +95,10 @@ def run(options: argparse.Namespace, package: Any, signals: Signals) -> int:
 
 
 def volts_of(track: CommandTrack, settings: dict[str, object]) -> tuple[Array, Wave]:
-    """Return the voltages at the output, shape (n,), of a track, and the quantity they stand for.
+    """Return a track's voltages at the output [V], shape (n,), and its `Wave`.
 
     Raises:
-        DermisError: see `wave_of`; or the chain needs more than these devices give.
+        DermisError: the limit at the amplifier needs more than these devices give; see also `wave_of`.
     """
     wave = wave_of(track, settings)
     full = wave.limit / float(wave.header["gain"])
@@ -113,10 +114,12 @@ def volts_of(track: CommandTrack, settings: dict[str, object]) -> tuple[Array, W
 
 
 class Forces:
-    """Forces and torques while something is played; the unloaded sensor is measured first.
+    """Forces and torques that are measured while a track is played.
+
+    The sensor is first measured without a load.
 
     Attributes:
-        tare: voltages without a load [V], shape (inputs,). beyond: readings near the end of the inputs' range.
+        tare: voltages without a load [V], shape (inputs,). beyond: number of readings near the end of the range.
     """
 
     def __init__(self, sensor: ForceSensor, device: Daq) -> None:
@@ -131,7 +134,7 @@ class Forces:
         self._left, self._left_at = np.zeros((0, sensor.inputs)), 0.0
 
     def take(self, at: float, volts: Array) -> None:
-        """Take readings, the first of them at a moment [s]."""
+        """Add readings [V], shape (n, inputs); `at`: time of the first [s]."""
         self.beyond += self._sensor.beyond(volts)
         block = max(round(self._rate / FORCES_HZ), 1)
         start = self._left_at if len(self._left) else at
@@ -144,13 +147,19 @@ class Forces:
             self._times.append(start + middles / self._rate)
 
     def rows(self) -> tuple[Array, Array]:
-        """Return times [s of the stream's clock], shape (n,), and forces, shape (n, results)."""
+        """Return times by the stream's clock [s], shape (n,), and the forces.
+
+        The forces have the shape (n, results).
+        """
         if not self._volts:
             return np.zeros(0), np.zeros((0, len(self._sensor.channels)))
         return np.concatenate(self._times), self._sensor.forces(np.concatenate(self._volts), self.tare)
 
     def save(self, path: Path) -> None:
-        """Write them as CSV, whole or not at all; times from `clock` on, as in a stream's log."""
+        """Write times and forces as CSV, completely or not at all.
+
+        Times count from the `clock` of the header, as in a stream's log.
+        """
         times, forces = self.rows()
         names = [f"{n}[{unit}]" for n, unit in zip(self._sensor.channels, self._sensor.units, strict=True)]
         head = {"clock": self._started, "sensor": self._sensor.name, "tare_volts": self.tare.tolist()}

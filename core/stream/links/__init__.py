@@ -1,1 +1,1 @@
-"""Ways to the hardware: serial ports, sockets, recordings, and their capacity."""
+"""Links to the hardware: serial ports, sockets, recordings, and their capacity."""

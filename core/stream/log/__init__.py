@@ -1,4 +1,5 @@
-"""A record of the stream: rows go from the sender through a ring to a process of their own, and from there to sinks.
+"""The log of a stream.
 
-The format stands in presets/stream_log.md.
+The sender puts rows into a ring. Another process takes them out and writes them to files and tees. The file formats are
+specified in presets/stream_log.md.
 """

@@ -1,4 +1,7 @@
-"""Rows as CSV, version 2: a header that begins with '#', one line of names, one line a row, a footer with '#'."""
+"""The CSV log format, version 2.
+
+A file has header lines that begin with '#', one line of names, one line for each row, and footer lines with '#'.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,10 @@ _PHASES, _FATES = [phase.name.lower() for phase in Phase], [fate.name.lower() fo
 
 
 class CsvForm:
-    """Text that spreadsheets and `pandas.read_csv(FILE, comment="#")` read; an unknown value is an empty cell."""
+    """The CSV format of log files.
+
+    Spreadsheets and `pandas.read_csv(FILE, comment="#")` read it. An unknown value is an empty cell.
+    """
 
     def __init__(self, channels: int, sensed: int = 0) -> None:
         values = ",%.9g" * ((len(BLOCKS) + sensed) * channels)  # nine digits keep every bit of a float32
@@ -29,9 +35,9 @@ class CsvForm:
         return "\n".join([*lines, ",".join([*_HEAD, *header.columns]), ""]).encode()
 
     def rows(self, rows: Rows) -> bytes:
-        """Return lines."""
+        """Return the lines of rows."""
         lines = []
-        values = values_of(rows) + np.float32(0)  # no minus zeros
+        values = values_of(rows) + np.float32(0)  # turns -0 into 0
         heads = zip(*(rows[name].tolist() for name in ("number", "time", "play", "track", "skipped")), strict=True)
         ends = zip(*(rows[name].tolist() for name in ("phase", "fate", "heard")), strict=True)
         for head, (phase, fate, heard), numbers in zip(heads, ends, values.tolist(), strict=True):

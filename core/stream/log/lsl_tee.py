@@ -1,4 +1,7 @@
-"""LslTee: rows as a stream of the Lab Streaming Layer, for recorders such as LabRecorder. Needs the package 'pylsl'."""
+"""A tee that sends rows as a stream of the Lab Streaming Layer (LSL).
+
+Recorders such as LabRecorder read it. It needs the package 'pylsl'.
+"""
 
 from __future__ import annotations
 
@@ -11,17 +14,18 @@ from ... import clock
 from .row import LogHeader, Rows, values_of
 from .settings import Tee
 
-BUFFERED = 10  # buffer for a recorder that stands still [s]
+BUFFERED = 10  # [s] time of the rows that are buffered for a recorder that pauses
 CODES = ("number", "phase", "fate")
 
 
 class LslTee:
-    """One outlet: all values of a row, then its number, phase and fate; NaN for unknown values.
+    """One outlet of LSL.
 
-    Times are those of the rows, on LSL's clock. The stream is called irregular, since a time stands with each row.
+    A sample has all values of a row, then its number, phase and fate; unknown values are NaN. Its time is the row's, on
+    LSL's clock. The stream is declared irregular, because each sample has a time of its own.
 
     Attributes:
-        sent: rows handed over. dropped, thinned: none are.
+        sent: number of rows passed to LSL. dropped, thinned: always 0.
 
     Raises:
         Exception: the library cannot be loaded.
@@ -49,8 +53,8 @@ class LslTee:
         self.sent = self.dropped = self.thinned = 0
 
     def take(self, rows: Rows, now: float) -> None:
-        """Hand rows over."""
-        # LSL has a clock of its own; the distance of the two is taken anew each time.
+        """Pass rows to LSL."""
+        # LSL has a clock of its own. Its offset is measured at every call.
         offset = self._lsl.local_clock() - clock.now() + self._header.clock
         codes = np.stack([rows[name].astype(np.float64) for name in CODES], axis=1)
         table = np.concatenate([values_of(rows).astype(np.float64), codes], axis=1)

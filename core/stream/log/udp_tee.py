@@ -1,4 +1,4 @@
-"""UdpTee: rows as datagrams, for whoever listens; nobody is waited for."""
+"""A tee that sends rows as UDP datagrams, without waiting for a receiver."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from .settings import Tee
 MAGIC = (
     b"DRMT\2\0"  # and channels and measured quantities as u16, the log's identifier as 8 bytes, and a row as in files
 )
-BURST = 0.1  # of the rate that may leave at once: rows of a sender that catches up, not of one that is too fast [s]
-HEADER_EVERY = 1.0  # who begins to listen learns names and units within this time [s]
+BURST = 0.1  # [s] time whose rows may be sent at once, so that rows of a sender that catches up are not left out
+HEADER_EVERY = 1.0  # [s] time between two headers, after which a new receiver has the names and units
 
 
 class UdpTee:
     """Datagrams to one address.
 
     Attributes:
-        sent: rows that left. dropped: rows that the system did not take. thinned: rows left out to keep to the rate.
+        sent: number of rows sent. dropped: number of rows that the system did not take. thinned: number of rows left
+            out to keep to the rate.
 
     Raises:
         OSError: the address cannot be found.
@@ -44,7 +45,7 @@ class UdpTee:
         self.sent = self.dropped = self.thinned = 0
 
     def take(self, rows: Rows, now: float) -> None:
-        """Send rows, the header before them now and then.
+        """Send rows, after a header if one is due.
 
         Raises:
             OSError: a row is longer than a datagram can be.
@@ -60,7 +61,7 @@ class UdpTee:
             self.dropped += not left
 
     def close(self, summary: Mapping[str, Any]) -> None:
-        """Say that it ends."""
+        """Send the summary, and close the socket."""
         end = {"schema": SCHEMA, "log": self._header.log, "end": dict(summary)}
         try:
             self._send(json.dumps(end).encode())
@@ -72,7 +73,7 @@ class UdpTee:
         self._socket.close()
 
     def _may_leave(self, time: float) -> bool:
-        """Return whether a row keeps to the rate."""
+        """Return whether a row may be sent at its time [s] within the rate."""
         free = self._bucket.open(time, prompt=False)
         self._bucket.take(int(free))
         return free
@@ -97,16 +98,22 @@ class UdpTee:
             yield json.dumps({**head, **rest, **times, "names": self._names, **values}, separators=(",", ":")).encode()
 
     def _send(self, message: bytes) -> bool:
-        """Return whether the system took it; nobody listens or no room is no fault of the stream's."""
+        """Send a datagram; return whether the system took it.
+
+        It is no error if nobody listens, or if the system has no room.
+
+        Raises:
+            OSError: the message is longer than a datagram can be.
+        """
         try:
             self._socket.sendto(message, self._address)
         except OSError as error:
-            if error.errno == 90 or "too long" in str(error):  # EMSGSIZE: no such row will ever leave
+            if error.errno == 90 or "too long" in str(error):  # EMSGSIZE: such a row can never be sent
                 raise
             return False
         return True
 
 
 def _plain(value: float) -> float | None:
-    """Return a number as JSON has it; None where it is not known."""
+    """Return a number for JSON; None if it is not finite."""
     return round(value, 9) if math.isfinite(value) else None

@@ -1,1 +1,1 @@
-"""Wire protocols, one a file."""
+"""Protocols of devices, each in a module of its own."""

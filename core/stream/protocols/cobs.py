@@ -1,4 +1,6 @@
-"""Consistent overhead byte stuffing: bytes without a zero, so that a zero can end a packet.
+"""Consistent overhead byte stuffing (COBS).
+
+It encodes bytes without a zero, so that a zero can end a packet.
 
 Source: Cheshire and Baker, IEEE/ACM Transactions on Networking 7(2), 1999
 """
@@ -11,8 +13,9 @@ _CODE = [bytes([n]) for n in range(256)]
 
 
 def encode(data: bytes) -> bytes:
-    """Return data without zeros, at most one byte in 254 longer and one more; no delimiter is added.
+    """Return data encoded without zeros.
 
+    The result has one more byte, and at most another one for every 254 bytes of data. No delimiter is added.
     presets/streaming_protocol.md has the rule in words and in examples.
     """
     parts = data.split(b"\0")
@@ -23,17 +26,17 @@ def encode(data: bytes) -> bytes:
         full, rest = divmod(len(part), 254)
         for k in range(full):
             out += b"\xff" + part[254 * k : 254 * k + 254]
-        # A full block stands for no zero, so one that a zero follows needs an empty block; the last one does not.
+        # A full block encodes no zero after it. If a zero follows, an empty block encodes it.
         if rest or not full or number < len(parts):
             out += _CODE[rest + 1] + part[254 * full :]
     return bytes(out)
 
 
 def decode(data: bytes) -> bytes:
-    """Return the input of `encode`; `data` is without its delimiter.
+    """Return the data that `encode` has encoded; `data`: bytes without the delimiter.
 
     Raises:
-        DermisError: a zero inside, or a block that reaches beyond the end.
+        DermisError: the bytes are empty or contain a zero, or a block reaches beyond their end.
     """
     out, at, size = [], 0, len(data)
     if not size or 0 in data:

@@ -1,4 +1,6 @@
-"""Commands of Pololu Maestro servo controllers: compact and Pololu protocol, with and without CRC-7.
+"""Commands of Pololu Maestro servo controllers.
+
+Both the compact and the Pololu protocol are supported, with and without CRC-7.
 
 Source: Pololu Maestro Servo Controller User's Guide, sections 5.c (protocols), 5.d (CRC) and 5.e (commands)
 """
@@ -6,8 +8,8 @@ Source: Pololu Maestro Servo Controller User's Guide, sections 5.c (protocols), 
 from __future__ import annotations
 
 SET_TARGET, GET_POSITION, GET_ERRORS, POLOLU = 0x84, 0x90, 0xA1, 0xAA
-CHANNELS = 24  # of the largest one
-POLYNOMIAL = 0x91  # of the CRC-7, least significant bit first
+CHANNELS = 24  # number of channels of the largest model
+POLYNOMIAL = 0x91  # polynomial of the CRC-7, least significant bit first
 
 
 def target(channel: int, quarter_us: int) -> bytes:
@@ -16,13 +18,18 @@ def target(channel: int, quarter_us: int) -> bytes:
 
 
 def packet(command: bytes, device: int | None, *, crc: bool) -> bytes:
-    """Return a command of the compact protocol as it goes out: with a device number, with a CRC, or as it is."""
+    """Return the bytes of a command to send.
+
+    Args:
+        command: command of the compact protocol. device: device number, for the Pololu protocol; None: the compact one.
+        crc: whether to append a CRC.
+    """
     whole = command if device is None else bytes((POLOLU, device, command[0] & 0x7F)) + command[1:]
     return whole + bytes((crc7(whole),)) if crc else whole
 
 
 def crc7(data: bytes) -> int:
-    """Return the remainder of a whole command, from 0 to 127: the last byte of a command with CRC."""
+    """Return the CRC-7 of a command, from 0 to 127, which is sent as its last byte."""
     rest = 0
     for byte in data:
         rest ^= byte

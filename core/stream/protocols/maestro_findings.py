@@ -1,4 +1,4 @@
-"""Findings about a Pololu Maestro: its error register in words, and its required serial time-out."""
+"""Messages about a Pololu Maestro: its error register and its serial time-out."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ ERRORS = (
     ("script call stack error", "Stop the board's script, or correct it"),
     ("script program counter error", "Stop the board's script, or correct it"),
 )
-MISREAD = 1 << 3 | 1 << 4  # the board did not understand a message
-TIMEOUT = 1 << 5
+MISREAD = 1 << 3 | 1 << 4  # bits for a message that the board could not read: CRC error and protocol error
+TIMEOUT = 1 << 5  # bit of the serial time-out
 SETTINGS = "In Maestro Control Center, tab 'Serial Settings'"
 APPLY = "press 'Apply Settings' and connect again"
 GONE = "the board answers no more. Check cable and supply"
@@ -41,7 +41,7 @@ def names(errors: int) -> list[str]:
 
 
 def went_home(errors: int) -> str:
-    """Say the effect of an error on an armed board, and the remedy."""
+    """Return the message about errors of an armed board, with their remedies."""
     remedies = dict.fromkeys(remedy for bit, (_, remedy) in enumerate(ERRORS) if errors >> bit & 1)
     return (
         f"the board reports {', '.join(names(errors))}, and has sent its servos to their 'On startup or error' "
@@ -50,7 +50,10 @@ def went_home(errors: int) -> str:
 
 
 def other_crc(crc: bool) -> str:
-    """Say that the board answered only once a command had a CRC, or had none."""
+    """Return the message that the board requires, or refuses, a CRC.
+
+    `crc`: whether the address sets one.
+    """
     if crc:
         return f"the board answers commands without a CRC only. {SETTINGS}, tick 'Enable CRC', {APPLY}; or use crc=0"
     there = SETTINGS[0].lower() + SETTINGS[1:]
@@ -58,14 +61,14 @@ def other_crc(crc: bool) -> str:
 
 
 def misread(errors: int, crc: bool) -> str:
-    """Say that the board did not understand a question."""
+    """Return the message that the board could not read a question."""
     if crc and not errors & 1 << 3:
         return f"the board takes the CRC for an error. {SETTINGS}, tick 'Enable CRC', {APPLY}; or use crc=0"
     return f"the board reports {', '.join(names(errors))} while nothing but questions is sent. Check cable and ground"
 
 
 def no_answer(device: int | None, crc: bool) -> str:
-    """Say that no board answers, with and without a CRC."""
+    """Return the message that no board answers, with or without a CRC."""
     who = "no board answers" if device is None else f"no board with the device number {device} answers"
     number = "" if device is None else f", 'Device Number' {device}"
     tick = "tick" if crc else "untick"
@@ -79,12 +82,13 @@ def no_answer(device: int | None, crc: bool) -> str:
 def timeout(
     silence: Silence, errors: int, quiet: float, positions: list[int], safe: list[int] | None, *, whole: bool
 ) -> Found:
-    """Judge a board by its errors after a silence.
+    """Check a board's serial time-out by its errors after a silence.
 
     Args:
-        silence: declared in the address. errors: register after the silence. quiet: the longest that it can have been,
-            questions and answers included [s]. positions: pulses after it. safe: those of the safe state [us / 4], None
-            where the board is not declared to go there. whole: the silence lasted for as long as the declared one.
+        silence: behaviour declared in the address. errors: error register after the silence.
+        quiet: longest possible duration of the silence, questions and answers included [s].
+        positions: pulses after the silence [us / 4]. safe: pulses of the safe state [us / 4], None if the board is not
+            declared to go there. whole: whether the silence lasted as long as the declared one.
     """
     noticed = f"it noticed a silence of at most {1e3 * quiet:.0f} ms"
     set_it = f"{SETTINGS}, set 'Timeout' to {silence.after:.2f} s, {APPLY}"

@@ -1,4 +1,7 @@
-"""The native protocol in sealed datagrams, to an ESP32 that was paired with this computer over USB."""
+"""The native protocol in sealed datagrams over Wi-Fi.
+
+They go to an ESP32 that was paired with this computer over USB.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,14 @@ from .pairs import VIRTUAL, key_of
 from .sealed import OVERHEAD, HostSeals
 from .wire import Wire
 
-BUSY = 1.0  # a killed sender's session may hold the board for as long as its silence [s]
+BUSY = 1.0  # [s] wait for a busy board: the session of a killed sender holds it until the board's watchdog acts
 
 
 class NativeWifi(Native):
-    """Dermis native over Wi-Fi. Options beside those of `Native`: `board`, the name that pairing has printed.
+    """The native protocol of Dermis over Wi-Fi.
 
-    Every datagram is sealed, numbered, and refused by the board once it is 200 ms old, whoever kept it so long.
+    Options beside those of `Native`: `board`: name of the board, as printed by pairing.
+    Every datagram is sealed and numbered. The board refuses a datagram that is more than 200 ms old.
     """
 
     name, title = "native-wifi", "Dermis native over Wi-Fi"
@@ -37,7 +41,7 @@ class NativeWifi(Native):
         self._busy_since: float | None = None
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take one datagram; without the board's seal it is counted and dropped."""
+        """Process one datagram; without the board's seal it is counted and dropped."""
         opened = self.seals.opened
         payload = self.seals.unseal(data)
         if self.seals.forged:
@@ -48,7 +52,7 @@ class NativeWifi(Native):
         super().receive(payload, now)
 
     def poll(self, now: float) -> list[bytes]:
-        """Open a session, then return due messages of the native protocol."""
+        """Return datagrams of the handshake, then messages of the native protocol."""
         if self.seals.opened:
             return super().poll(now)
         if not self.seals.busy:

@@ -1,8 +1,9 @@
-"""Open Sound Control 1.0 over UDP: one bundle a sample, a message for each channel, values in SI as float32.
+"""Open Sound Control 1.0 over UDP.
 
-`/dermis/DEVICE/CHANNEL ,f VALUE`; the bundle's time tag is always 'immediately'. A bundle for later could not be taken
-back: a receiver that honours time tags would play it after the safe state, and stay there. A look-ahead makes up for
-the receiver's delay all the same: a message holds the track's values of that much later.
+A sample is one bundle, with a message `/dermis/DEVICE/CHANNEL ,f VALUE` for each channel. Values are in SI units, as
+float32. The time tag of a bundle is always 'immediately', because a bundle for later could not be cancelled: a receiver
+that honours time tags would play it after the safe state, and stay there. A look-ahead still compensates for the
+receiver's delay, because the messages then hold the track's values at a later time.
 A panel may send `/dermis/touch ,iff DOWN X Y` back, as often as streaming_protocol.md says.
 Source: the Open Sound Control 1.0 specification, opensoundcontrol.stanford.edu
 """
@@ -20,16 +21,16 @@ from .adapter import Adapter, Touch
 from .packets import Reach
 from .wire import Wire
 
-NTP = 2_208_988_800  # seconds from 1900, where time tags start, to 1970
-IMMEDIATELY = 1
+NTP = 2_208_988_800  # [s] from 1900, the origin of time tags, to 1970
+IMMEDIATELY = 1  # time tag of a bundle without a play-out time
 BUNDLE = b"#bundle\0"
 
 
 class Osc(Adapter):
-    """OSC. Option `prefix`: the beginning of addresses, '/dermis' if left out."""
+    """OSC. Option `prefix`: first part of addresses, by default '/dermis'."""
 
     name, title = "osc", "OSC"
-    datagrams = True  # and not timed: see above
+    datagrams = True  # commands carry no play-out time, see the module
     caution = (
         "OSC knows no sign of life: what receives it keeps its last values unless it has a watchdog of its own. "
         "Build one in that acts after 0.1 s of silence."
@@ -49,15 +50,18 @@ class Osc(Adapter):
             self.caution += f" To let go it is told {prefix}/{wire.spec.key}/armed 0; it is up to it to do so."
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
-        """Return one bundle, which counts as it arrives, whatever `play` says."""
+        """Return one bundle, which takes effect on arrival; `play` is ignored."""
         return [bundle(IMMEDIATELY, [head + struct.pack(">f", v) for head, v in zip(self._heads, values, strict=True)])]
 
     def carried(self, values: Array) -> Array:
-        """Return the values as float32."""
+        """Return the values rounded to float32 [units]."""
         return values.astype(np.float32).astype(np.float64)
 
     def safe(self) -> list[bytes]:
-        """Return the safe values, and word that nothing is armed any more where the safe state is to let go."""
+        """Return a bundle with the safe values.
+
+        If the device lets go in its safe state, the bundle also reports that it is not armed any more.
+        """
         super().safe()
         messages = [h + struct.pack(">f", v) for h, v in zip(self._heads, self.wire.safe, strict=True)]
         if self.wire.reach == Reach.RELEASE:
@@ -65,7 +69,7 @@ class Osc(Adapter):
         return [bundle(IMMEDIATELY, messages)]
 
     def receive(self, data: bytes, now: float) -> None:
-        """Take touches of a panel."""
+        """Process a touch of a panel."""
         try:
             address, arguments = read_message(data)
             if address == self._touch:
@@ -76,7 +80,10 @@ class Osc(Adapter):
 
 
 def padded(data: bytes) -> bytes:
-    """Return an OSC string: ended by a zero, a multiple of four bytes long."""
+    """Return data as an OSC string.
+
+    It ends with one to four zeros, and its length is a multiple of four bytes.
+    """
     return data + b"\0" * (4 - len(data) % 4)
 
 
@@ -94,7 +101,7 @@ def read_message(data: bytes) -> tuple[str, list[float]]:
     """Read one message of ints and floats.
 
     Raises:
-        DermisError: malformed, or arguments of other types.
+        DermisError: the message is malformed, or has arguments of other types.
     """
     parts = []
     at = 0
@@ -111,19 +118,19 @@ def read_message(data: bytes) -> tuple[str, list[float]]:
 
 
 def messages_of(data: bytes) -> list[tuple[str, list[float]]]:
-    """Read the messages of a datagram, one alone or a bundle.
+    """Read the messages of a datagram, which is one message or a bundle.
 
     Raises:
-        DermisError: malformed.
+        DermisError: the datagram is malformed.
     """
     return read_bundle(data)[1] if data.startswith(BUNDLE) else [read_message(data)]
 
 
 def read_bundle(data: bytes) -> tuple[int, list[tuple[str, list[float]]]]:
-    """Read a bundle of messages: its time tag and them.
+    """Return the time tag and the messages of a bundle.
 
     Raises:
-        DermisError: malformed.
+        DermisError: the bundle is malformed.
     """
     if not data.startswith(BUNDLE) or len(data) < 16:
         raise DermisError("not an OSC bundle")

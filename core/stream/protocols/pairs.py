@@ -1,4 +1,7 @@
-"""Keys of the boards that were paired with this computer, in a file that only its user can read."""
+"""Keys of the boards that are paired with this computer.
+
+They are stored in a file that only its user can read.
+"""
 
 from __future__ import annotations
 
@@ -14,20 +17,20 @@ from ...files import read_text
 from ...foreign import json_of
 from .sealed import KEY
 
-FILE = "DERMIS_PAIRS"  # environment variable: the file, where it shall be another
-VIRTUAL = "VIRTUAL1"  # the simulated board, whose key everybody knows
+FILE = "DERMIS_PAIRS"  # environment variable with the path of another file
+VIRTUAL = "VIRTUAL1"  # name of the simulated board, whose key is public
 VIRTUAL_KEY = bytes(range(KEY))
 
 
 class Pair(NamedTuple):
-    """A board's key, and the address that it had in the network when it was paired, '' where it had none."""
+    """A board's key, and its network address at the time of pairing; '' if it had none."""
 
     key: bytes
     address: str = ""
 
 
 def path() -> Path:
-    """Return where the keys are."""
+    """Return the path of the file with the keys."""
     if given := os.environ.get(FILE):
         return Path(given)
     if sys.platform == "win32":
@@ -43,7 +46,7 @@ def key_of(board: str) -> bytes:
     """Return the key of a paired board.
 
     Raises:
-        DermisError: this computer has paired no board of this name, or the file is none of keys.
+        DermisError: no board of this name is paired, or the file is invalid.
     """
     if board == VIRTUAL:
         return VIRTUAL_KEY
@@ -60,19 +63,21 @@ def key_of(board: str) -> bytes:
 
 
 def addresses() -> dict[str, str]:
-    """Return the addresses of the paired boards that had one, by the boards' names.
+    """Return the known addresses of paired boards, by the boards' names.
 
     Raises:
-        DermisError: the file is none of keys.
+        DermisError: the file is invalid.
     """
     return {board: pair.address for board, pair in sorted(_read().items()) if pair.address}
 
 
 def keep(board: str, key: bytes, address: str = "") -> Path:
-    """Keep a board's key and address, in place of earlier ones; return the file.
+    """Store a board's key and address; return the path of the file.
+
+    They replace earlier ones of this board.
 
     Raises:
-        DermisError: the name is the simulated board's, or the file cannot be written or is none of keys.
+        DermisError: the name is that of the simulated board, or the file is invalid or cannot be written.
     """
     if board == VIRTUAL:
         raise DermisError("a board may not have the simulated one's name", value=board, remedy="Change DERMIS_ID")
@@ -92,10 +97,12 @@ def keep(board: str, key: bytes, address: str = "") -> Path:
 
 
 def load(file: Path) -> Mapping[str, Pair]:
-    """Return the pairs in a file, by the boards' names. Older files have keys alone.
+    """Return the pairs in a file, by the boards' names.
+
+    Older files contain keys without addresses.
 
     Raises:
-        DermisError: it cannot be read, or holds no keys.
+        DermisError: the file cannot be read, or is invalid.
     """
     found = json_of(read_text(file), str(file))
     try:

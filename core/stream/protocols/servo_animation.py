@@ -1,8 +1,9 @@
-"""Receivers of Blender Servo Animation's live mode: 0x3C, servo id, position high, position low, 0x3E.
+"""Receivers of the live mode of Blender Servo Animation.
 
-Its receiver starts anew at every byte 0x3C. So servo id 60 and positions with a byte of 60 never arrive: the rest of
-the command is taken for the start of another. Such a position is sent as the nearest one without that byte, and
-counted; id 60 is left out. Source: Servo Animation 2.x, its Arduino library's Command::write
+A command has the bytes 0x3C, servo id, position high, position low, 0x3E. A receiver begins a new command at every byte
+0x3C, so a command with servo id 60, or with a position that has a byte of 60, is never obeyed. Such a position is
+replaced by the nearest one without that byte, and counted; id 60 is not used.
+Source: Servo Animation 2.x, its Arduino library's Command::write
 """
 
 from __future__ import annotations
@@ -18,12 +19,15 @@ from .packets import Reach
 from .wire import Wire
 
 START, END, TRAP = 0x3C, 0x3E, 0x3C
-REFRESH = 0.1
-MAX_POSITION = 32767  # an int of the receiver has 16 bits
+REFRESH = 0.1  # [s] time after which positions are sent again even if they did not change
+MAX_POSITION = 32767  # largest position: an int of the receiver has 16 bits
 
 
 class ServoAnimation(Adapter):
-    """Blender Servo Animation. Options: `first` servo id, positions at a channel's low and high."""
+    """Blender Servo Animation.
+
+    Options: `first`: id of the first servo. `position_low`, `position_high`: positions at a channel's low and high.
+    """
 
     name, title = "servo-animation", "Blender Servo Animation"
     caution = (
@@ -45,7 +49,7 @@ class ServoAnimation(Adapter):
             )
         first = self.whole("first", 0, 0, ids[len(ids) - wire.count])
         self.ids = [i for i in ids if i >= first][: wire.count]
-        self.command_bytes = wire.count * len(command(0, 0))  # where all of them change
+        self.command_bytes = wire.count * len(command(0, 0))  # if all positions change
         self.low, self.high = (
             self.whole("position_low", 1000, 0, MAX_POSITION),
             self.whole("position_high", 2000, 0, MAX_POSITION),
@@ -63,11 +67,14 @@ class ServoAnimation(Adapter):
         self._when = -1.0
 
     def forget(self) -> None:
-        """Send every position with the next command, changed or not."""
+        """Make the next command send every position, changed or not."""
         self._sent[:] = -1
 
     def command(self, values: Array, now: float, play: float | None) -> list[bytes]:
-        """Return one command for each servo that changed; all of them now and then."""
+        """Return one command for each servo whose position changed.
+
+        After every `REFRESH` seconds there is one for each servo.
+        """
         wanted = self._wanted(values)
         positions = np.rint(wanted).astype(int)
         if now - self._when > REFRESH:
@@ -83,7 +90,7 @@ class ServoAnimation(Adapter):
         return [b"".join(out)] if out else []
 
     def carried(self, values: Array) -> Array:
-        """Return the values of the positions."""
+        """Return the values of the positions that are sent [units]."""
         wanted = self._wanted(values)
         positions = np.array([around_trap(one) for one in wanted.ravel().tolist()], np.float64).reshape(wanted.shape)
         part = (positions - self.low) / (self.high - self.low)
@@ -100,7 +107,7 @@ def command(servo: int, position: int) -> bytes:
 
 
 def around_trap(wanted: float) -> int:
-    """Return the position nearest to the one wanted that has no byte of 60."""
+    """Return the nearest position to a wanted one, without a byte of 60."""
     nearest = round(wanted)
     if nearest >> 8 == TRAP:
         low, high = (TRAP << 8) - 1, (TRAP + 1) << 8

@@ -1,1 +1,1 @@
-"""Sound cards that drive an amplifier: chosen by name, measured by a cable from out to in, played to."""
+"""Sound cards that drive an amplifier: their choice, measurement and playback."""

@@ -1,7 +1,7 @@
-"""Sound cards, by python-sounddevice where that is installed: which may drive an amplifier, and how they are opened.
+"""Sound cards that may drive an amplifier, opened by python-sounddevice.
 
-Behind the card stands an amplifier of high voltage, or a coil on a finger. A card is therefore chosen by its exact
-name, is opened so that no other program can play to it, and is never the one to which the system plays its own sounds.
+The card drives an amplifier of high voltage, or a coil on a finger. It is therefore chosen by its exact name, is opened
+so that no other program can play to it, and must not be the card for the system's own sounds.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from ...arrays import Array
 from ...errors import DermisError
 
 VIRTUAL = "virtual:"
-POLL = 0.005  # [s]
-# Host interfaces of PortAudio that give a card to one program alone. ALSA does so for raw hardware, '(hw:1,0)'; a
-# card called 'plughw:' resamples in silence.
+POLL = 0.005  # [s] time between two checks whether the card is done
+# Host interfaces of PortAudio that give a card to one program alone. ALSA does so for raw hardware, '(hw:1,0)'. A card
+# called 'plughw:' may resample without notice.
 EXCLUSIVE = ("Windows WASAPI", "Windows WDM-KS", "ASIO", "ALSA")
-ALIKE = 20  # characters by which two host interfaces name one card: some cut its name off
+ALIKE = 20  # number of compared characters in the names of one card by two host interfaces: some shorten the name
 
 Source = Callable[[int], Array]
 Sink = Callable[[Array], None]
 
 
 class Card(Protocol):
-    """A card that is open for this program alone.
+    """The interface of a card that is open for this program alone.
 
     Attributes:
-        name: by which it was chosen. rate: samples a second [Hz].
-        dry: how often the card had nothing to play.
+        name: name by which it was chosen. rate: sampling rate [Hz].
+        dry: number of times that the card had no samples to play.
     """
 
     name: str
@@ -44,11 +44,11 @@ class Card(Protocol):
         """Play until done.
 
         Args:
-            source: gives so many samples, -1 to 1, shape (n,); it is called from the card's own thread.
-            sink: takes the samples recorded meanwhile, shape (n,).
+            source: returns n samples from -1 to 1, shape (n,), for an n; it is called on the card's own thread.
+            done: returns whether to stop. sink: takes the samples recorded meanwhile, shape (n,).
 
         Raises:
-            DermisError: the card is gone, or takes another rate.
+            DermisError: the card is gone, or runs at another rate.
         """
 
 
@@ -64,14 +64,15 @@ def names() -> tuple[str, ...]:
 
 
 def open_card(name: str, rate: int, *, records: bool = False) -> Card:
-    """Return a card by its exact name, as `names` gives it; 'virtual:' is a simulated one.
+    """Return a card.
 
     Args:
-        rate: samples a second [Hz]. records: it has to have an input too.
+        name: exact name, as `names` returns it; 'virtual:' is a simulated card. rate: sampling rate [Hz].
+        records: whether an input is needed, too.
 
     Raises:
-        DermisError: python-sounddevice is not installed; no such card; the system's own; not for one program alone; it
-            does not take the rate, or has no input.
+        DermisError: python-sounddevice is not installed; there is no such card; the system plays its own sounds to it;
+            other programs could play to it; or it does not support the rate, or has no input.
     """
     if name.startswith(VIRTUAL):
         from ..virtual.sound_loop import virtual_card
@@ -95,7 +96,10 @@ def open_card(name: str, rate: int, *, records: bool = False) -> Card:
 
 
 class PortAudioCard:
-    """A card that PortAudio opens for this program alone; see `Card`. The first channel of each side is used."""
+    """A card that PortAudio opens for this program alone; see `Card`.
+
+    Only the first channel of the output, and of the input, is used.
+    """
 
     def __init__(self, sound: Any, name: str, entry: Mapping[str, Any], rate: int, *, records: bool) -> None:
         self.name, self.rate, self.dry = name, rate, 0
@@ -126,7 +130,7 @@ class PortAudioCard:
                 self.dry += 1
             try:
                 out[:, 0] = source(len(out))
-            except BaseException as error:  # an exception here would leave the last buffer standing
+            except BaseException as error:  # an exception here would make the card repeat the last buffer
                 out[:] = 0.0
                 failed.append(error)
 
@@ -191,12 +195,12 @@ def _host(sound: Any, entry: Mapping[str, Any]) -> str:
 
 
 def _named(sound: Any, entry: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]]:
-    """Return the whole name of a card, as python-sounddevice's list shows it, and its entry."""
+    """Return a card's full name, as in python-sounddevice's list, and its entry."""
     return f"{entry['name']}, {_host(sound, entry)}", entry
 
 
 def _refusal(sound: Any, entry: Mapping[str, Any]) -> DermisError | None:
-    """Return why a card must not drive an amplifier; None where it may."""
+    """Return why a card must not drive an amplifier; None if it may."""
     name, host = entry["name"], _host(sound, entry)
     where = f"sound card '{name}, {host}'"
     if host not in EXCLUSIVE or (host == "ALSA" and "(hw:" not in name):

@@ -1,7 +1,7 @@
-"""`stream loopback`: a sound card with a cable from out to in, measured: gain, latency, jitter, corner and clipping.
+"""The command `stream loopback`: measure a sound card with a cable from its output to its input.
 
-The output is one series: clicks at uneven times, then tones of several frequencies, then a tone of 1 kHz at rising
-levels. Each is looked for where it must come in.
+Results are gain, latency, jitter, corner frequency and loudest level. The output has clicks at uneven times, then tones
+of several frequencies, then a tone of 1 kHz at rising levels. Each is searched for at its expected time in the input.
 """
 
 from __future__ import annotations
@@ -17,22 +17,27 @@ from ...errors import DermisError
 from .card import Card, open_card
 from .measured_card import MeasuredCard
 
-QUIET = 0.25  # [s] before the first click and behind the last tone: longer than any card is late
-CLICKS, LEVEL = 24, 0.25  # and the samples' size, -12 dB
-GAP = 0.08  # [s] between two clicks at least; a card that is later than that is not measured
-TONES = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0)  # [Hz] where a card's corner shows
-REFERENCE = 1000.0  # [Hz]
-SECONDS = 0.5  # of each tone; the first fifth is left out
-LEVELS = (0.1, 0.25, 0.5, 0.7, 0.8, 0.9, 1.0)
-STRAIGHT = 0.005  # by which the gain may change up to the loudest level: the error that an amplitude may have
-TORN = 0.05  # of a tone that comes in (RMS): a share of something else that makes its gain uncertain
-HEARD = 1e-3  # gain below which nothing is taken for having come in
-DRIFT = 1e-4  # of the input's clock: more is another clock, or another rate
+QUIET = (
+    0.25  # [s] silence before the first click and after the clicks, twice as long after the last tone: > any latency
+)
+CLICKS, LEVEL = 24, 0.25  # number of clicks, and amplitude of clicks and tones: -12 dB
+GAP = 0.08  # [s] shortest time between two clicks; a card with a longer latency is not measured
+TONES = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0)  # [Hz] tones that show a card's corner frequency
+REFERENCE = 1000.0  # [Hz] tone for the gain and for the levels
+SECONDS = 0.5  # [s] duration of each tone, of which the first fifth and the last twentieth are not evaluated
+LEVELS = (0.1, 0.25, 0.5, 0.7, 0.8, 0.9, 1.0)  # [1] amplitudes of the tone of 1 kHz, in parts of full scale
+STRAIGHT = 0.005  # [1] largest change of the gain up to the loudest level, which is the tolerated error of an amplitude
+TORN = 0.05  # [1] largest part of other signals in a received tone (RMS); with more its gain is uncertain
+HEARD = 1e-3  # [1] gain below which the input counts as silent
+DRIFT = 1e-4  # [1] largest difference of rate between input and output; more shows another clock, or another rate
 
 
 @dataclass
 class _Tape:
-    """The output, and where its parts begin [samples]."""
+    """The output, made of parts.
+
+    `add` returns the sample at which a part begins.
+    """
 
     rate: int
     parts: list[Array] = field(default_factory=list)
@@ -53,7 +58,7 @@ def measure(card: Card) -> MeasuredCard:
     """Return the response of a card, from its output to its input.
 
     Raises:
-        DermisError: nothing comes in, or it comes in at another rate; or the card is gone.
+        DermisError: the input is silent, has another rate, or has too much noise or distortion; or the card is gone.
     """
     tape, rate = _Tape(card.rate), card.rate
     rng = np.random.default_rng(1)
@@ -118,7 +123,7 @@ def measure(card: Card) -> MeasuredCard:
 
 
 def loopback(options: argparse.Namespace) -> int:
-    """Measure a card, print the results, and write them where asked."""
+    """Measure a card, print the results, and write them to a file if one is named."""
     found = measure(open_card(options.card, options.rate, records=True))
     print(f"gain {found.gain:.4f}")
     print(f"latency {1e3 * found.latency:.2f} ms, jitter {1e3 * found.jitter:.3f} ms")
@@ -131,21 +136,27 @@ def loopback(options: argparse.Namespace) -> int:
 
 
 def lowest(card: MeasuredCard) -> float:
-    """Return the lowest frequency whose amplitude a card changes by no more than 0.5 % [Hz].
+    """Return the lowest frequency [Hz] that a card weakens by no more than 0.5 %.
 
-    A high-pass of first order leaves 1 / sqrt(1 + (corner / f)^2).
+    The gain of a first-order high-pass at the frequency f is 1 / sqrt(1 + (corner / f)^2).
     """
     return card.corner / float(np.sqrt(1.0 / (1.0 - STRAIGHT) ** 2 - 1.0))
 
 
 def _click(rate: int) -> Array:
-    """Return a short sweep from 1 to 6 kHz: its place is found to a part of a sample."""
+    """Return a sweep of 10 ms from 1 to 6 kHz.
+
+    Its arrival can be found to a part of a sample.
+    """
     t = np.arange(round(0.01 * rate)) / rate
     return np.sin(2.0 * np.pi * (1000.0 * t + 0.5 * 5000.0 / 0.01 * t**2)) * np.sin(np.pi * t / 0.01) ** 2
 
 
 def _played(card: Card, out: Array) -> Array:
-    """Play samples and return the recorded ones, at least as many."""
+    """Play samples; return as many recorded samples.
+
+    A recording that is too short is filled up with zeros.
+    """
     heard: list[Array] = []
     sent = 0
 
@@ -160,7 +171,14 @@ def _played(card: Card, out: Array) -> Array:
 
 
 def _arrival(heard: Array, click: Array, sent: int, latest: int) -> float:
-    """Return where a click came in [samples], by the peak of its correlation and a parabola through it."""
+    """Return the arrival of a click in the input [samples].
+
+    It is the vertex of a parabola through the peak of the correlation with the click.
+
+    Args:
+        heard: samples of the input. click: samples of the click. sent: index of the click in the output.
+        latest: length of the searched part beyond the click [samples].
+    """
     part = heard[sent : sent + latest + len(click)]
     match = np.correlate(part, click, "valid")[: round(GAP / QUIET * latest)]
     k = int(np.argmax(np.abs(match)))
@@ -171,7 +189,10 @@ def _arrival(heard: Array, click: Array, sent: int, latest: int) -> float:
 
 
 def _gain(heard: Array, start: float, hertz: float, level: float, rate: int) -> tuple[float, float]:
-    """Return the ratio of a tone's input amplitude to its output amplitude, and the share that is no tone (RMS)."""
+    """Return the gain of a tone, and the part of other signals in it (RMS).
+
+    The gain is the ratio of its amplitude at the input to that at the output.
+    """
     count = round(SECONDS * rate)
     part = heard[round(start) : round(start) + count]
     whole = part[count // 5 : count - count // 20]
@@ -184,5 +205,8 @@ def _gain(heard: Array, start: float, hertz: float, level: float, rate: int) -> 
 
 
 def _corner(hertz: float, gain: float) -> float:
-    """Return the corner of a high-pass of first order that has a gain at a frequency [Hz]."""
+    """Return the corner frequency [Hz] of a first-order high-pass.
+
+    It is the one that has the given gain at the frequency `hertz` [Hz].
+    """
     return hertz * float(np.sqrt(max(1.0 / max(gain, 1e-6) ** 2 - 1.0, 0.0)))

@@ -1,4 +1,4 @@
-"""MeasuredCard: the results of `stream loopback` for a sound card, and their file, JSON of version 1."""
+"""The results of `stream loopback` for a sound card, and their file, JSON of version 1."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SCHEMA = "dermis-sound-card 1"
 
 @dataclass(frozen=True)
 class MeasuredCard:
-    """A card with a cable from out to in.
+    """A sound card, measured with a cable from its output to its input.
 
     Attributes:
         name: name of the card.
@@ -37,11 +37,11 @@ class MeasuredCard:
     loudest: float
 
     def dumps(self) -> str:
-        """Return it as JSON; equal ones give equal text."""
+        """Return the card as JSON; equal cards give equal text."""
         return json.dumps({"schema": SCHEMA, **asdict(self)}, indent=1, allow_nan=False) + "\n"
 
     def save(self, path: Path) -> None:
-        """Write it, whole or not at all."""
+        """Write the file, completely or not at all."""
         write_bytes(Path(path), self.dumps().encode("utf-8"))
 
     @classmethod
@@ -49,7 +49,7 @@ class MeasuredCard:
         """Read a file.
 
         Raises:
-            DermisError: no such file of this version, or numbers that no card has.
+            DermisError: the file cannot be read, is not of this version, or has values that no card has.
         """
         where = str(path)
         found: Any = json_of(read_text(path), where)

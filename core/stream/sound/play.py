@@ -1,6 +1,7 @@
-"""`stream sound`: a track's voltage through a sound card and an amplifier, once; and whatever ends it, silence first.
+"""The command `stream sound`: play a track's voltage through a sound card and an amplifier.
 
-Exit status: 0; 1 where the card ran dry; 2 where it could not be played to its end; 128 and a signal's number.
+The track is played once. Silence is played before the card is closed, after a signal, too.
+Exit status: 0; 1 if the card ran dry; 2 if the track could not be played to its end; 128 plus a signal's number.
 """
 
 from __future__ import annotations
@@ -23,16 +24,16 @@ from .card import Card, open_card
 from .loopback import lowest
 from .measured_card import MeasuredCard
 
-FADE = 0.005  # [s] from the last sample to silence, when a signal ends it
-SILENCE = 0.2  # [s] that are played behind the last sample: more than a card keeps in its buffers
+FADE = 0.005  # [s] time of the fade to silence after a signal
+SILENCE = 0.2  # [s] silence after the last sample: longer than the buffers of a card
 
 
 def sound(options: argparse.Namespace) -> int:
     """Play a track; return the exit status.
 
     Raises:
-        DermisError: a chain whose volts are not stated, a card or track that must not be played like this, or a card
-            that is gone.
+        DermisError: the full scale or the gain is not stated, the track must not be played on this card, or the card
+            is gone.
     """
     settings = stated(vars(options), ("full_scale", "gain"), f"sound card '{options.card}'")
     track = export.read(options.track)
@@ -66,11 +67,11 @@ def sound(options: argparse.Namespace) -> int:
 
 
 def samples_of(track: CommandTrack, settings: dict[str, object], card: MeasuredCard, name: str) -> tuple[Array, Wave]:
-    """Return the samples of a track, -1 to 1, and the quantity they stand for.
+    """Return the samples of a track, from -1 to 1, and its `Wave`.
 
     Raises:
-        DermisError: another card than the measured one, or another rate; an offset, or frequencies, that the card
-            blocks; samples beyond those that it plays straight; and see `wave_of`.
+        DermisError: the card or the rate is not the measured one; the card blocks the voltage's offset or its lowest
+            frequency; a sample exceeds the loudest level without distortion; see also `wave_of`.
     """
     wave = wave_of(track, settings)
     where = f"sound card '{name}'"
@@ -114,7 +115,10 @@ def samples_of(track: CommandTrack, settings: dict[str, object], card: MeasuredC
 
 
 def lowest_frequency(track: CommandTrack, carrier: float) -> float:
-    """Return the lowest frequency that a track's voltage needs [Hz]: its carrier's, or that of the coil's band."""
+    """Return the lowest frequency of a track's voltage [Hz].
+
+    For a coil it is the lower end of its band; otherwise that of the carrier, or of the track's own tones.
+    """
     kind = KINDS[track.spec.kind]
     if kind.wave:
         return float(mechanism_of(track.spec).response.band[0])
@@ -123,7 +127,9 @@ def lowest_frequency(track: CommandTrack, carrier: float) -> float:
 
 
 def play(card: Card, samples: Array, signals: Signals) -> int:
-    """Play samples, then silence; return how many were played. A signal fades the rest within 5 ms.
+    """Play samples, then silence; return the number of samples played.
+
+    After a signal the samples fade to silence within 5 ms.
 
     Raises:
         DermisError: the card is gone.

@@ -1,10 +1,10 @@
-"""The simulated device: any protocol, with faults; on a link of this process, or as a program of its own.
+"""The simulated device, for every protocol and with faults.
 
-Options of the URL: `loss`, `delay`, `jitter`, `corrupt`, `slow` (see faults.py), `stuck` (number of an actuator that
-does not move), `skew`, `freeze`, `jump` (of its clock), `finger` (1: a finger draws circles on its touch
-panel), `seed`. Settings of a simulated Maestro: `board_crc`, `board_number`, `board_timeout`;
-of simulated servos: `board_first` (id), `board_twin` (id of a second servo), `board_model`, `board_fast`, `board_mode`
-(Dynamixel), `board_scs` (Feetech).
+It serves a link of this process, or is a program of its own. Options of the URL: `loss`, `delay`, `jitter`, `corrupt`,
+`slow` (see faults.py), `stuck` (index of an actuator that does not move), `skew`, `freeze`, `jump` (faults of its
+clock), `finger` (1: a finger draws circles on its touch panel), `seed`. Settings of a simulated Maestro: `board_crc`,
+`board_number`, `board_timeout`. Settings of simulated servos: `board_first` (id of the first), `board_twin` (id of an
+additional servo), `board_model`, `board_fast`, `board_mode` (Dynamixel), `board_scs` (Feetech).
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ DEVICES = {
     "osc": ("osc", "OscDevice"),
 }
 SERVO_BOARDS = {"dynamixel": ("first", "twin", "model", "fast", "mode"), "feetech": ("first", "twin", "scs")}
-IDLE = 0.001  # between two looks at the clock where nothing arrives [s]
-FINGER_HZ = 100.0
+IDLE = 0.001  # [s] longest wait for data, after which the clock is read again
+FINGER_HZ = 100.0  # [Hz] reports of the finger
 
 
 class Device(Protocol):
@@ -48,10 +48,10 @@ class Device(Protocol):
 
 
 def make(protocol: str, wire: Wire, options: dict[str, float]) -> Device:
-    """Return a virtual device for a protocol.
+    """Make a simulated device of a protocol.
 
     Raises:
-        DermisError: no such protocol.
+        DermisError: no such protocol, or no such actuator for `stuck`.
     """
     stuck = int(options.get("stuck", -1))
     if not -1 <= stuck < wire.count:
@@ -73,10 +73,10 @@ def make(protocol: str, wire: Wire, options: dict[str, float]) -> Device:
 
 
 def options_of(url: Url) -> dict[str, float]:
-    """Take the options that belong to the virtual device out of a URL.
+    """Remove the options of the simulated device from a URL, and return them.
 
     Raises:
-        DermisError: one is no number.
+        DermisError: an option is no number, or outside its limits.
     """
     out = {}
     for name in faults_module.NAMES:
@@ -86,11 +86,12 @@ def options_of(url: Url) -> dict[str, float]:
 
 
 class Server:
-    """Runs a virtual device on the other end of a link.
+    """Runs a simulated device at the other end of a link.
 
     Args:
-        read: returns the data that arrive within a time [s]; b'' or [] for none, None when the link is closed.
-        write: sends one message.
+        device: the simulated device.
+        read: returns the data that arrive within a time [s]; [] for none, None if the link is closed.
+        write: sends one message. options: faults, see the module.
     """
 
     def __init__(
@@ -111,7 +112,7 @@ class Server:
         self._credit, self._credited = 0.0, clock.now()
 
     def step(self) -> bool:
-        """Do the due work; False when the link is closed."""
+        """Process arrived data and the device's due work; False: the link is closed."""
         wait = IDLE
         now = clock.now()
         if self._slow:
@@ -147,10 +148,10 @@ class Server:
 
     @property
     def delayed(self) -> int:
-        """Number of messages that are still on their way to the device."""
+        """Number of messages to the device that are still delayed."""
         return len(self._in)
 
     @property
     def read_most(self) -> int:
-        """Most bytes to read at once: few where the reader is slow."""
+        """Largest number of bytes to read at once, small for a slow reader."""
         return max(int(self._credit), 1) if self._slow else 65536

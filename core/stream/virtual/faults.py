@@ -1,4 +1,7 @@
-"""Deliberate faults: loss, delay, corruption and a slow reader on a link; a device's clock."""
+"""Deliberate faults of a link and of a device's clock, for tests.
+
+A link can lose, delay and damage messages, and its reader can be slow.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from heapq import heappop, heappush
 
 from ...errors import DermisError
 
-_LIMITS = {  # lowest, highest, unit
+_LIMITS = {  # fault -> lowest value, highest value, unit
     "loss": (0.0, 1.0, ""),
     "delay": (0.0, 60.0, " s"),
     "jitter": (0.0, 60.0, " s"),
@@ -38,7 +41,7 @@ def number_of(name: str, text: str) -> float:
     """Read the number of a fault.
 
     Raises:
-        DermisError: it is none, not finite, or outside the limits.
+        DermisError: the text is no finite number, or the number is outside the limits.
     """
     try:
         value = float(text)
@@ -51,10 +54,10 @@ def number_of(name: str, text: str) -> float:
 
 
 def check(name: str, value: float) -> None:
-    """Refuse a fault that cannot be.
+    """Refuse an impossible value of a fault.
 
     Raises:
-        DermisError: outside the limits; says which.
+        DermisError: the value is outside its limits, which the error states, or is not a whole number.
     """
     low, high, unit = _LIMITS[name]
     if not low <= value <= high or ("whole" in unit and value != int(value)):
@@ -66,8 +69,8 @@ class FaultyClock:
     """A device's clock, and its faults.
 
     Attributes:
-        skew: how much faster it runs than the host's [1]. freeze: it stands still from then on [s]; 0: never.
-        jump: it jumps by this once a second [s]; below 0: back.
+        skew: relative excess of its rate over the host's clock [1]. freeze: time at which it stops [s]; 0: never.
+        jump: size of a jump in every second [s]; a negative one goes back.
     """
 
     skew: float = 0.0
@@ -75,20 +78,20 @@ class FaultyClock:
     jump: float = 0.0
 
     def shows(self, elapsed: float) -> float:
-        """Return the clock's reading [s], after so many seconds of the host."""
+        """Return the clock's reading [s] after a time of the host's clock [s]."""
         gone = min(elapsed, self.freeze) if self.freeze else elapsed
         return gone * (1 + self.skew) + self.jump * math.floor(gone)
 
 
 @dataclass
 class Faults:
-    """Faults of one direction.
+    """Faults of one direction of a link.
 
     Attributes:
-        loss: part of the messages that vanish [1]. delay, jitter: every message comes later by delay, and by up to
-            jitter more [s]; jitter may change their order where messages have borders.
-        corrupt: part of the bytes that are flipped, doubled or lost [1].
-        slow: most bytes a second that are read; 0: no limit.
+        loss: part of the messages that are lost [1]. delay: delay of every message [s]. jitter: largest additional
+            delay, drawn at random for each message [s]; it can change the order of messages.
+        corrupt: part of the bytes that are damaged [1]: a bit flipped, a random byte added, or the byte lost.
+        slow: largest number of bytes read in a second [bytes/s]; 0: no limit. seed: seed of the random numbers.
     """
 
     loss: float = 0.0
@@ -106,11 +109,11 @@ class Faults:
         self._random = random.Random(self.seed)
 
     def __len__(self) -> int:
-        """Return how many messages are under way."""
+        """Return the number of messages that have not come out yet."""
         return len(self._queue)
 
     def put(self, message: bytes, now: float) -> None:
-        """Send a message into the faults."""
+        """Add a message at the time `now` [s]."""
         if self.loss and self._random.random() < self.loss:
             return
         if self.corrupt:
@@ -120,7 +123,7 @@ class Faults:
         heappush(self._queue, (due, self._number, message))
 
     def get(self, now: float) -> list[bytes]:
-        """Return the messages that have come out by now."""
+        """Return the messages that are due by the time `now` [s]."""
         out = []
         while self._queue and self._queue[0][0] <= now:
             out.append(heappop(self._queue)[2])

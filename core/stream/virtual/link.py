@@ -1,4 +1,4 @@
-"""The link 'virtual:': a simulated device on a thread of this process; and the door to every link."""
+"""The link 'virtual:' to a simulated device, and the function that opens any link."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .faults import NAMES
 
 
 class VirtualLink(Stream):
-    """A link to a virtual device on a thread of this process."""
+    """A link to a simulated device on a thread of this process."""
 
     def __init__(self, protocol: str, wire: Wire, url: Url) -> None:
         super().__init__(url.text.rstrip(":"))
@@ -54,7 +54,10 @@ class VirtualLink(Stream):
             raise Gone("the virtual device is gone", where=self.name) from error
 
     def _queued(self) -> int:
-        """Return whether the device's thread has messages left to take; not the number of bytes."""
+        """Return a positive number while the device has messages left to take.
+
+        It is not a number of bytes.
+        """
         return len(select.select([self._theirs], [], [], 0)[0]) + self._server.delayed
 
     def receive(self) -> list[bytes]:
@@ -105,7 +108,7 @@ def open_any_link(url: Url, wire: Wire, protocol: str = "native") -> Transport:
     """Open any link, 'virtual:' included.
 
     Raises:
-        DermisError: it cannot be opened.
+        DermisError: the link cannot be opened.
     """
     return open_link(url, lambda inner: VirtualLink(protocol, wire, inner), adapter_of(protocol, url.options).baud)
 

@@ -9,20 +9,23 @@ import numpy as np
 from ..protocols.maestro_commands import CHANNELS, GET_ERRORS, GET_POSITION, POLOLU, SET_TARGET, crc7
 from ..protocols.wire import Wire
 
-DATA = {SET_TARGET: 3, GET_POSITION: 1, GET_ERRORS: 0}  # data bytes of each command that is understood
+DATA = {SET_TARGET: 3, GET_POSITION: 1, GET_ERRORS: 0}  # supported command -> number of its data bytes
 CRC_ERROR, PROTOCOL_ERROR, TIMEOUT = 1 << 3, 1 << 4, 1 << 5  # bits of the error register
 
 
 class MaestroDevice:
-    """A Pololu Maestro: targets in quarter microseconds; 0: no pulses.
+    """A Pololu Maestro, whose targets are in quarter microseconds; 0: no pulses.
 
-    A servo starts at the preset's rest, and stays where it is while it gets no pulses.
+    A servo starts at the preset's rest, and keeps its pose while it gets no pulses.
 
     Args:
-        crc: each command must end with its CRC-7. number: device number of the Pololu protocol; the compact one is
-            understood, too. timeout: serial time-out [s]; 0: none, which is the danger, since it keeps its pulses.
-        home: targets after an error, shape (channels,); by default those of the safe pose where it has a time-out, and
-            without one none, which is 'Ignore'.
+        wire: description of the device. stuck: index of a servo that does not move; -1: none.
+        low_us, high_us: pulse widths at a channel's low and high [us].
+        crc: whether each command must end with its CRC-7. number: device number of the Pololu protocol; the compact
+            protocol is supported, too.
+        timeout: serial time-out [s]; 0: none, which is a danger, since the board then keeps its pulses in silence.
+        home: targets after an error, shape (channels,). The default is the safe pose with a time-out; without one the
+            targets are kept, the board's setting 'Ignore'.
     """
 
     datagrams = False
@@ -46,7 +49,7 @@ class MaestroDevice:
         self._crc, self._number, self._timeout, self._home = crc, number, timeout, home
         self._bytes: list[int] = []
         self._values = wire.rest.copy()
-        self._heard = -math.inf  # the last valid command [s]; at power-on there was none
+        self._heard = -math.inf  # [s] time of the last valid command
         self._timed_out = False
         if home is None and timeout:
             part = (wire.safe - wire.range_low) / (wire.range_high - wire.range_low)
@@ -54,12 +57,15 @@ class MaestroDevice:
         self._go_home()
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """Take bytes: a command byte has its highest bit set, data bytes have not."""
+        """Process received bytes; return the answers.
+
+        The highest bit of a command byte is set, and that of a data byte is not.
+        """
         self.tick(now)
         out = []
         for byte in data:
             if byte & 0x80:
-                if self._bytes and self._bytes != [POLOLU]:  # alone it tells the baud rate
+                if self._bytes and self._bytes != [POLOLU]:  # this byte alone serves to detect the baud rate
                     self.fail(PROTOCOL_ERROR)
                 self._bytes = [byte]
             elif self._bytes:
@@ -74,20 +80,23 @@ class MaestroDevice:
         return out
 
     def tick(self, now: float) -> list[bytes]:
-        """Go to the positions of an error once nothing valid has arrived for the time-out; without one keep them."""
+        """Report an error once no valid command has arrived for the time-out.
+
+        Without a time-out nothing happens.
+        """
         if self._timeout and not self._timed_out and now - self._heard >= self._timeout:
             self._timed_out = True
             self.fail(TIMEOUT)
         return []
 
     def fail(self, bits: int) -> None:
-        """Set bits of the error register, and send the servos to their positions after an error."""
+        """Set bits of the error register, and send the servos to `home`."""
         self.errors += bits != TIMEOUT
         self.register |= bits
         self._go_home()
 
     def report(self) -> dict[str, object]:
-        """Return where the servos are."""
+        """Return the values of the servos, and counters."""
         return {
             "values": self.wire.named(self._values),
             "errors": self.errors,
@@ -95,7 +104,10 @@ class MaestroDevice:
         }
 
     def _length(self) -> int:
-        """Return how long the command under way is, with its CRC; 0: not known yet, or no command."""
+        """Return the length of the current command, with its CRC [bytes].
+
+        0: the length is not known yet, or there is no such command.
+        """
         head = 3 if self._bytes[:1] == [POLOLU] else 1
         if len(self._bytes) < head:
             return 0
@@ -107,7 +119,7 @@ class MaestroDevice:
         return head + count + self._crc
 
     def _do(self, command: bytes, now: float) -> bytes:
-        """Obey a whole command; return its answer."""
+        """Execute a complete command; return its answer."""
         if self._crc and crc7(command[:-1]) != command[-1]:
             self.fail(CRC_ERROR)
             return b""
@@ -136,7 +148,7 @@ class MaestroDevice:
             self._move()
 
     def _move(self) -> None:
-        """Put every servo that gets pulses where they say."""
+        """Move every servo that gets pulses to its target."""
         targets, low, high = self.targets[: self.wire.count], self.wire.range_low, self.wire.range_high
         at = low + (high - low) * np.clip((targets - self._low) / (self._high - self._low), 0, 1)
         self._values = np.where(targets == 0, self._values, at)

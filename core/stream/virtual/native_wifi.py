@@ -1,4 +1,4 @@
-"""A virtual ESP32: the native protocol behind sealed datagrams, with the key that everybody knows."""
+"""A simulated ESP32 with the native protocol in sealed datagrams; its key is public."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .native import NativeDevice
 
 
 class NativeWifiDevice(NativeDevice):
-    """`NativeDevice` over Wi-Fi; `key`: the one that it was paired with."""
+    """`NativeDevice` over Wi-Fi; `key`: secret of the pairing."""
 
     datagrams = True
     watchdogs_allowed = range(10, 401)
@@ -23,13 +23,13 @@ class NativeWifiDevice(NativeDevice):
         self.seals = BoardSeals(key, lambda: round(self._now * 1e3))
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """Take one datagram; return answers."""
+        """Process one datagram; return the answers."""
         self._now = now
         payload, answers = self.seals.take(data, held=self.state == DeviceState.ARMED)
         return answers + self._sealed(super().feed(payload, now))
 
     def tick(self, now: float) -> list[bytes]:
-        """Let time pass; return messages that nobody has asked for."""
+        """Advance to the time `now` [s]; return messages without a question."""
         self._now = now
         return self._sealed(super().tick(now))
 

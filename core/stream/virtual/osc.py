@@ -13,10 +13,10 @@ from ..protocols.wire import Wire
 
 
 class OscDevice:
-    """A receiver of OSC bundles that honours time tags, as the specification asks: a bundle for later waits till then.
+    """A receiver of OSC bundles that honours time tags, as the specification requires.
 
     Attributes:
-        waiting: bundles for later: when [s], number, messages.
+        waiting: bundles for a later time, each with its time [s], number and messages.
     """
 
     datagrams = True
@@ -30,7 +30,10 @@ class OscDevice:
         self._stuck = stuck
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """Take one bundle; one for later changes nothing yet, and nothing takes it back."""
+        """Process one bundle.
+
+        A bundle for a later time changes nothing yet, and cannot be cancelled.
+        """
         try:
             tag, messages = osc.read_bundle(data)
         except (DermisError, struct.error):
@@ -46,7 +49,7 @@ class OscDevice:
         return []
 
     def tick(self, now: float) -> list[bytes]:
-        """Let the bundles count whose time has come."""
+        """Apply the bundles whose time has come by `now` [s]."""
         while self.waiting and self.waiting[0][0] <= now:
             self._set(heappop(self.waiting)[2])
         return []
@@ -58,5 +61,5 @@ class OscDevice:
                 self.latest[self.wire.names.index(name)] = arguments[0]
 
     def report(self) -> dict[str, object]:
-        """Return the values."""
+        """Return the values by channel, and counters."""
         return {"values": self.wire.named(self.latest), "received": self.received, "errors": self.errors}

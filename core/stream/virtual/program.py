@@ -1,4 +1,7 @@
-"""A virtual device as a program: on a pty, a TCP port or a UDP port of this computer, until its input ends."""
+"""A simulated device as a program of its own.
+
+It serves a pseudo-terminal, a TCP port or a UDP port of this computer until its standard input ends.
+"""
 
 from __future__ import annotations
 
@@ -20,16 +23,17 @@ from .device import Server, make
 
 
 def serve(protocol: str, wire: Wire, at: str, options: dict[str, float], *, every: float = 0.0) -> int:
-    """Run a virtual device as a program until its standard input ends; print its address, then its reports.
+    """Run a simulated device until standard input ends; print address and reports.
 
     Args:
+        protocol: name of the protocol. wire: description of the device. options: faults, see `device`.
         at: 'pty', 'tcp' or 'udp', each on this computer only.
-        every: print the report this often [s]; 0: only when the safe state is reached and at the end.
+        every: time between two reports [s]; 0: only the time of each safe state, and a report at the end.
     """
     device = make(protocol, wire, options)
     link = Endpoint(at)
     server = Server(device, lambda wait: link.read(wait, server.read_most), link.write, options)
-    print(json.dumps({"url": link.url}), flush=True)  # once nothing can be refused any more
+    print(json.dumps({"url": link.url}), flush=True)  # printed only after all arguments have been accepted
     ended = threading.Event()
     follow_parent(ended.set)
     due, safe = clock.now() + every, None
@@ -41,7 +45,7 @@ def serve(protocol: str, wire: Wire, at: str, options: dict[str, float], *, ever
         if every and clock.now() >= due:
             due += every
             print(json.dumps({**device.report(), "at": clock.now()}), flush=True)
-            if hasattr(device, "early_most"):  # of each interval by itself, so that a drift shows
+            if hasattr(device, "early_most"):  # reset, so that each interval has its own values and a drift shows
                 vars(device).update(early_least=math.inf, early_most=-math.inf)
     print(json.dumps({**device.report(), "ended": True}), flush=True)
     return 0
@@ -59,7 +63,7 @@ class Endpoint:
             import pty
             import tty
 
-            # The slave stays open, or a port that a sender closes would look like an unplugged one.
+            # The slave stays open. Otherwise a port that a sender closes would look like an unplugged one.
             self._fd, self._slave = pty.openpty()
             tty.setraw(self._slave)
             os.set_blocking(self._fd, False)
@@ -116,7 +120,7 @@ class Endpoint:
             data = self._peer.recv(most)
         except OSError:
             data = b""
-        if not data:  # the next one may connect
+        if not data:  # the sender has closed, and the next one may connect
             self._peer.close()
             self._peer = None
         return [data] if data else []

@@ -1,4 +1,4 @@
-"""A simulated receiver of Blender Servo Animation, traps included."""
+"""A simulated receiver of Blender Servo Animation, with its defects."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from ..protocols.wire import Wire
 
 
 class ServoAnimationDevice:
-    """A receiver of Blender Servo Animation: every 0x3C starts anew, also in the middle of a position."""
+    """A receiver of Blender Servo Animation.
+
+    Every byte 0x3C begins a new command, even within a position.
+    """
 
     datagrams = False
 
@@ -20,7 +23,7 @@ class ServoAnimationDevice:
         self._values, self._index = [0] * 5, 0
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """Take bytes as the original does."""
+        """Process received bytes as the original does."""
         for byte in data:
             if byte == 0x3C:
                 self._values, self._index = [0] * 5, 0
@@ -39,7 +42,10 @@ class ServoAnimationDevice:
         return []
 
     def report(self) -> dict[str, object]:
-        """Return where the servos are; one without a position yet is at the preset's rest."""
+        """Return the values of the servos.
+
+        A servo that has received no position is at the preset's rest.
+        """
         ids = [i for i in range(256) if i != 60][: self.wire.count]
         low, span = self.wire.range_low, self.wire.range_high - self.wire.range_low
         at = [(self.positions.get(i, np.nan) - self._low) / (self._high - self._low) for i in ids]

@@ -1,6 +1,7 @@
-"""A simulated sound card with a cable from out to in: 'virtual:', with the faults of real ones as options.
+"""A simulated sound card, 'virtual:', with a cable from its output to its input.
 
-It takes no time, unless its pace is 1, as a real card's is: blocks follow each other as fast as they are computed.
+Faults of real cards are options. With a pace of 1 it plays in real time, as a real card does. With the default pace of
+0 it plays as fast as it computes.
 """
 
 from __future__ import annotations
@@ -29,14 +30,14 @@ OPTIONS = {
 
 
 class SoundLoop:
-    """A card whose output comes in again; see `Card`.
+    """A sound card that records its own output; see `Card`.
 
     Attributes:
-        gain: of the whole loop. latency: [s]. corner: of its one high-pass of first order [Hz]. clip: largest sample
-            that it can give. jitter: largest extra delay of a block [s]. drift: by how much faster it records.
-        tears: it loses a millisecond every 50.
-        pace: seconds that a second takes. noise: of the input. gone: samples after which the card is gone; 0:
-            never. played: all that went out.
+        gain: gain of the whole loop [1]. latency: latency of the loop [s]. corner: corner frequency of its high-pass of
+            first order [Hz]. clip: largest sample of the output. jitter: largest additional delay of a block [s].
+        drift: relative excess of the input's rate [1]. tears: whether the input loses 1 ms in every 50 ms.
+        pace: time that it takes to play one second [s]. noise: standard deviation of the input's noise.
+        gone: number of samples after which the card is gone; 0: never. played: all samples of the output.
     """
 
     def __init__(self, name: str, rate: int, options: dict[str, float]) -> None:
@@ -51,7 +52,7 @@ class SoundLoop:
     def run(
         self, source: Callable[[int], Array], done: Callable[[], bool], sink: Callable[[Array], None] | None = None
     ) -> None:
-        """Play until done."""
+        """Play until done; see `Card`."""
         parts: list[Array] = []
         while not done():
             if self.gone and BLOCK * len(parts) >= self.gone:
@@ -66,7 +67,7 @@ class SoundLoop:
             sink(self._heard(self.played))
 
     def _heard(self, out: Array) -> Array:
-        """Return the input for an output: high-passed, late, and with the faults that the options set."""
+        """Return the input for an output, with high-pass, latency and faults."""
         rng = np.random.default_rng(0)
         through = self.gain * np.clip(out, -self.clip, self.clip)
         frequency = np.fft.rfftfreq(2 * len(through), 1.0 / self.rate)
@@ -74,7 +75,7 @@ class SoundLoop:
         high = ratio / (1.0 + ratio)
         through = np.fft.irfft(np.fft.rfft(through, 2 * len(through)) * high)[: len(out)]
         at = np.arange(len(out)) / self.rate * (1.0 + self.drift)
-        silent = np.convolve(out == 0.0, np.ones(BLOCK), "same") >= BLOCK  # it finds its place again in silence
+        silent = np.convolve(out == 0.0, np.ones(BLOCK), "same") >= BLOCK  # the delay of a block changes in silence
         span = np.cumsum(np.diff(silent, prepend=False))
         at -= self.latency + rng.uniform(0.0, self.jitter, int(span[-1]) + 1)[span]
         if self.tears:
@@ -87,7 +88,7 @@ def virtual_card(name: str, rate: int) -> SoundLoop:
     """Return the card of 'virtual:?gain=0.5&corner=10'.
 
     Raises:
-        DermisError: an unknown option, or no number.
+        DermisError: an option is unknown, or its value is no number.
     """
     options = {}
     for key, value in parse_qsl(name.partition("?")[2], keep_blank_values=True):

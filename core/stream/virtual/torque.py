@@ -10,13 +10,16 @@ from ..protocols.wire import Wire
 
 
 class TorqueDevice:
-    """Motors with inertia, friction and the skin's spring, driven by torques over UDP; lets go after 20 ms of silence.
+    """Motors with inertia, friction and the skin's spring, driven by torques.
+
+    After 20 ms of silence the motors have no torque.
 
     Args:
+        wire: description of the device. stuck: index of a motor that does not move; -1: none.
         inertia: inertia of each motor at its pulley [kg m2].
         damping: damping [N m s].
         stiffness: stiffness of the skin [N m/rad].
-        encoder: step of the reported angles [rad].
+        encoder: step of the reported angles [rad]; 0: none.
     """
 
     datagrams = True
@@ -43,7 +46,7 @@ class TorqueDevice:
         self._now: float | None = None
 
     def feed(self, data: bytes, now: float) -> list[bytes]:
-        """Take one datagram; answer with the angles."""
+        """Process one datagram; return the answer with the angles."""
         self.tick(now)
         if len(data) != 4 + 4 * self.wire.count or not data.startswith(torque.TO_BOARD):
             self.errors += 1
@@ -56,7 +59,10 @@ class TorqueDevice:
         return [torque.FROM_BOARD + data[2:4] + angle.astype("<f4").tobytes()]
 
     def tick(self, now: float) -> list[bytes]:
-        """Integrate the motion up to now, in steps far below the loop's."""
+        """Integrate the motion up to the time `now` [s].
+
+        The time step is far below that of the position loop.
+        """
         if self._now is None:
             self._now = now
         inertia, damping, stiffness, _ = self._numbers
@@ -75,7 +81,7 @@ class TorqueDevice:
         return []
 
     def report(self) -> dict[str, object]:
-        """Return the angles."""
+        """Return the angles by channel, and counters."""
         silent = self._heard is None or self._now is None or self._now - self._heard > self.TIMEOUT
         return {
             "values": self.wire.named(self.angle),

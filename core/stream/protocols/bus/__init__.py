@@ -1,1 +1,1 @@
-"""Smart servos on one half-duplex line: the common part, and one file for each maker's protocol."""
+"""Smart servos on one half-duplex line: a common part, and a module for each maker."""

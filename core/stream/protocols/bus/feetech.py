@@ -1,7 +1,7 @@
 """Feetech servos of the STS, SMS and SCS families.
 
-Source: Feetech's memory tables of the STS and SCS servos, and their protocol manual. Packets are held against the
-maker's own scservo_sdk (`ftservo-python-sdk`) in the tests. The SCS family has its words the other way round, and no
+Source: Feetech's memory tables of the STS and SCS servos, and their protocol manual. The tests compare the packets with
+those of the maker's scservo_sdk (`ftservo-python-sdk`). The SCS family has the opposite byte order in words, and no
 Sync Read.
 """
 
@@ -24,17 +24,20 @@ PING, READ, WRITE, SYNC_READ, SYNC_WRITE = 0x01, 0x02, 0x03, 0x82, 0x83
 # Memory table: the address of each entry.
 MODEL, LOWEST, HIGHEST, TEMPERATURE_LIMIT, MODE = 3, 9, 11, 13, 33
 TORQUE, GOAL, POSITION, VOLTAGE, TEMPERATURE, CURRENT = 40, 42, 56, 62, 63, 69
-SIGN = 0x8000  # of a number
-AMPERE = 6.5e-3  # one count of current [A]: as drivers of others for the STS3215 have it; the maker's SDK names no unit
-ERRORS = ("voltage", "encoder", "overheating", "current", "", "overload")  # bits of a status byte
-SERIES: Mapping[str, tuple[int, float, str]] = {  # counts, over how many degrees, order of bytes in a word
+SIGN = 0x8000  # sign bit of a number
+AMPERE = 6.5e-3  # [A] one count of current, from other drivers of the STS3215: the maker's SDK states no unit
+ERRORS = ("voltage", "encoder", "overheating", "current", "", "overload")  # by bit of the status byte
+SERIES: Mapping[str, tuple[int, float, str]] = {  # counts of the range, range [deg], byte order of a word
     "sts": (4096, 360.0, "<"),
     "scs": (1024, 300.0, ">"),
 }
 
 
 def packet(servo: int, instruction: int, parameters: bytes) -> bytes:
-    """Return a packet: the bytes after the header are added up, and the sum's complement ends it."""
+    """Return a packet with header and checksum.
+
+    The checksum is the complement of the sum of all bytes after the header.
+    """
     body = bytes((servo, len(parameters) + 2, instruction)) + parameters
     return HEADER + body + bytes((~sum(body) & 0xFF,))
 
@@ -45,18 +48,24 @@ def read(servo: int, register: int, size: int) -> bytes:
 
 
 def sync_read(ids: Iterable[int], register: int, size: int) -> bytes:
-    """Return a question for the same registers of several servos, which answer one after the other."""
+    """Return a question for the same registers of several servos.
+
+    They answer one after the other.
+    """
     return packet(BROADCAST, SYNC_READ, bytes((register, size, *ids)))
 
 
 def sync_write(register: int, data: Mapping[int, bytes]) -> bytes:
-    """Return one message that writes the same registers of several servos; nobody answers it."""
+    """Return one message that writes the same registers of several servos.
+
+    No servo answers it.
+    """
     size = len(next(iter(data.values())))
     return packet(BROADCAST, SYNC_WRITE, bytes((register, size)) + rows(data))
 
 
 def answers(buffer: bytes) -> tuple[list[Answer], bytes, int]:
-    """Return the whole answers in a buffer, the rest of it, and the number of damaged ones."""
+    """Return complete answers, unused bytes and the number of damaged answers."""
     return scan(buffer, HEADER, _take)
 
 
@@ -64,7 +73,7 @@ def _take(data: bytes) -> Taken | None:
     if len(data) < 6:
         return None
     servo, length = data[2], data[3]
-    if servo >= BROADCAST or length < 2:  # a third byte of a header, an echo of a broadcast, or rubbish
+    if servo >= BROADCAST or length < 2:  # a third byte 0xFF, an echo of a broadcast, or noise
         return Taken(1, [])
     whole = data[: 4 + length]
     if len(whole) < 4 + length:
@@ -75,9 +84,10 @@ def _take(data: bytes) -> Taken | None:
 
 
 class Feetech(ServoBus):
-    """Feetech. Options beside those of every bus: `series`: 'sts' (STS, SMS) or 'scs'.
+    """Feetech servos.
 
-    These servos have no watchdog: in silence they keep their last command, whoever ended.
+    Options beside those of every bus: `series`: 'sts' (STS, SMS) or 'scs'.
+    These servos have no watchdog: in silence they keep their last command.
     """
 
     name, title = "feetech", "Feetech STS and SCS"

@@ -158,9 +158,9 @@ class Mover:
 
 
 def fastest_over(poses: list[tuple[float, float, Array]], window: float) -> tuple[Array, Array]:
-    """Return lower and upper bound of each channel's largest mean speed [units/s].
+    """Return bounds of each channel's largest mean speed [units/s].
 
-    Both have the shape (channels,).
+    The lower and the upper bound have the shape (channels,).
 
     Args:
         poses: time of the question [s], time of the answer [s], and pose [units]. The board read the pose at an unknown

@@ -1,4 +1,4 @@
-"""Questions to the person at the bench, who observes and acts as no program can."""
+"""Questions to the person at the bench, and requests to act."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Another program that plays a slow movement, and the ways in which it may end."""
+"""A program that plays a slow movement, and is ended by a signal."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PLAY_SECONDS = 30.0  # [s] duration of the slow movement
 
 
 def play_and_end(bench: Bench, away: Array, play: list[str], number: signal.Signals, seconds: float) -> str:
-    """Play a slow movement in another process, and end that process by a signal.
+    """Play a slow movement in another process, and end it by a signal.
 
     Return the failure in words; '' if there is none.
 

@@ -111,7 +111,7 @@ class Report:
 
 
 def judged(seen: bool | None, measured: Mapping[str, bool] | None = None, *, busy: bool = False) -> tuple[Outcome, str]:
-    """Return the outcome of a person's answer and of measurements, and who judged.
+    """Return the outcome of a check, and who judged it.
 
     Args:
         seen: the person's answer; None: skipped, or not asked.

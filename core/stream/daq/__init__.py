@@ -1,1 +1,4 @@
-"""Data acquisition devices of National Instruments: output of a track, input of forces."""
+"""Data acquisition devices of National Instruments.
+
+They output the voltage of a track, and read forces and torques, on one clock.
+"""

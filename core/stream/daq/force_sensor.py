@@ -1,4 +1,7 @@
-"""The calibration of a force and torque sensor, and its file, JSON of version 1."""
+"""The calibration of a force and torque sensor.
+
+Its file is JSON of version 1.
+"""
 
 from __future__ import annotations
 

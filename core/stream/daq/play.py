@@ -1,6 +1,6 @@
-"""The command `stream daq`: play a track's voltage through an NI device, and measure forces.
+"""The command `stream daq`: play a track through an NI device.
 
-The track is played once. A force sensor can be read meanwhile.
+The track's voltage is played once. A force sensor can be read meanwhile.
 Exit status: 0; 2 if the track could not be played to its end; 128 plus a signal's number.
 """
 
@@ -41,7 +41,10 @@ def daq(options: argparse.Namespace) -> int:
 
 
 def run(options: argparse.Namespace, package: Any, signals: Signals) -> int:
-    """Play a track with the maker's package, or with a simulation of it; see `daq`."""
+    """Play a track; see `daq`.
+
+    `package`: the maker's package, or a simulation of it.
+    """
     settings = stated(vars(options), ("gain",), f"NI device, {options.output}")  # the device itself is set in volts
     track = export.read(options.track)
     volts, wave = volts_of(track, settings)

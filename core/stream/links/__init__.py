@@ -1,1 +1,1 @@
-"""Links to the hardware: serial ports, sockets, recordings, and their capacity."""
+"""Links to the hardware: serial ports, sockets, recordings, capacity."""

@@ -65,7 +65,10 @@ class Spy(Transport):
         self._record.close()
 
     def report(self) -> dict[str, Any]:
-        """Return the report of the inner link; after an error, that of the record, too."""
+        """Return the report of the inner link.
+
+        If the record is incomplete, the reason and the number of missing messages are added.
+        """
         record = self._record
         return {**self._inner.report(), **({"record": record.ended, "missing": record.missing} if record.ended else {})}
 

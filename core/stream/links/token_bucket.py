@@ -8,7 +8,9 @@ BURST = 0.005  # [s] filling time of the bytes that may be sent at once, so that
 
 
 class TokenBucket:
-    """A bucket of bytes that may be sent; with an infinite pace it is always full.
+    """A bucket of bytes that may be sent.
+
+    With an infinite pace every message may be sent.
 
     Args:
         pace: rate at which the bucket fills [bytes/s].

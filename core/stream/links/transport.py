@@ -71,7 +71,10 @@ class Transport:
         return 0.0
 
     def close(self) -> None:
-        """Close the link without waiting; `pending` bytes may be lost. Safe to call twice."""
+        """Close the link without waiting; `pending` bytes may be lost.
+
+        Safe to call twice.
+        """
 
     def report(self) -> dict[str, Any]:
         """Return further facts about the link or the other side, by name."""
@@ -98,9 +101,9 @@ class Stream(Transport):
         return self._push_rest() + self._queued()
 
     def _push_rest(self) -> int:
-        """Send the rest of a partly sent message; return the number of unsent bytes.
+        """Send the rest of a partly sent message.
 
-        The rest must be sent before any other message.
+        It must be sent before any other message. Return the number of unsent bytes.
         """
         if self._rest:
             self._rest = self._rest[self._write(self._rest) :]

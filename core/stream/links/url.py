@@ -62,6 +62,9 @@ class Url:
 
 
 def unnamed(url: str, message: str) -> str:
-    """Return a URL to add to a message about its link; '' if the message names it."""
+    """Return a URL to add to a message about its link.
+
+    It is '' if the message names the link already.
+    """
     place = url.partition("?")[0].removeprefix("spy://").removeprefix("serial:").removesuffix(":")
     return "" if place in message else url

@@ -75,7 +75,10 @@ class LogFile:
 
     @property
     def lost(self) -> int:
-        """Number of rows lost because the ring was full; 0 if the file has no summary."""
+        """Number of rows lost because the ring was full.
+
+        It is 0 if the file has no summary.
+        """
         said = (self.end or {}).get("lost", 0)
         return said if type(said) is int else 0
 

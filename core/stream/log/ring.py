@@ -1,6 +1,7 @@
-"""A ring buffer of rows, in memory shared by the sender and the writing process.
+"""A ring buffer of rows between the sender and the writing process.
 
-The sender adds rows without waiting and without allocating memory. If the ring is full, new rows are lost and counted.
+It is memory that both processes map. The sender adds rows without waiting and without allocating memory. If the ring is
+full, new rows are lost and counted.
 """
 
 from __future__ import annotations

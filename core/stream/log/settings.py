@@ -123,7 +123,9 @@ class LogSettings:
             )
 
     def place(self, device: str, stamp: str) -> tuple[Path, str]:
-        """Return the path of the first file, which does not exist yet, and its format.
+        """Return the path of the first file, and its format.
+
+        The file does not exist yet.
 
         Args:
             device: key of the device. stamp: date and time, for the name of a file in a folder.
@@ -159,5 +161,8 @@ class LogSettings:
 
 
 def settings_of(log: str, form: str, size: float, total: float, tee: str) -> LogSettings:
-    """Return settings from a request's fields; `tee`: addresses separated by blanks."""
+    """Return settings from a request's fields.
+
+    `tee`: addresses separated by blanks.
+    """
     return LogSettings(log, form, size, total, tuple(tee.split()))

@@ -39,13 +39,8 @@ from .udp_tee import UdpTee
 
 POLL = 0.01  # [s] time between two reads of the ring; a row is taken out by the first or second read after it
 STATUS_EVERY = 0.1  # [s] time between two reports of the status
-_IGNORED = (
-    "SIGINT",
-    "SIGTERM",
-    "SIGHUP",
-    "SIGQUIT",
-    "SIGTSTP",
-)  # signals of a terminal; only the pipe ends this process
+# Signals of a terminal. They are ignored, because only the end of the pipe ends this process.
+_IGNORED = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")
 
 
 class Sink(Protocol):
@@ -201,7 +196,10 @@ def _dated(header: LogHeader) -> LogHeader:
 
 
 def serve(options: argparse.Namespace) -> int:
-    """Write until the sender has closed the log or has ended; return the exit status."""
+    """Write until the sender has closed the log or has ended.
+
+    Return the exit status.
+    """
     for name in _IGNORED:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)

@@ -6,7 +6,9 @@ from collections import deque
 
 
 class DeviceClock:
-    """The relation of a device's 32-bit microsecond counter to the host's clock.
+    """The relation of a device's counter to the host's clock.
+
+    The counter has 32 bits and counts microseconds.
 
     Each round trip bounds the offset between the two clocks: the counter was read after the question was sent and
     before the answer arrived. A reply outside the bounds of the earlier replies shows that the counter stood still or
@@ -101,7 +103,10 @@ class RoundTrips:
         self.shortest = self.usual = 0.0
 
     def add(self, seconds: float, *, idle: bool) -> None:
-        """Add a round trip [s]; `idle`: the device was not armed, so no commands were sent."""
+        """Add a round trip [s].
+
+        `idle`: the device was not armed, so no commands were sent.
+        """
         self.shortest = min(self.shortest, seconds) if self.shortest else seconds
         if idle:
             self._idle.append(seconds)

@@ -33,7 +33,9 @@ def encode(data: bytes) -> bytes:
 
 
 def decode(data: bytes) -> bytes:
-    """Return the data that `encode` has encoded; `data`: bytes without the delimiter.
+    """Return the data that `encode` has encoded.
+
+    `data`: encoded bytes without the delimiter.
 
     Raises:
         DermisError: the bytes are empty or contain a zero, or a block reaches beyond their end.

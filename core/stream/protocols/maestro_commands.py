@@ -29,7 +29,10 @@ def packet(command: bytes, device: int | None, *, crc: bool) -> bytes:
 
 
 def crc7(data: bytes) -> int:
-    """Return the CRC-7 of a command, from 0 to 127, which is sent as its last byte."""
+    """Return the CRC-7 of a command, from 0 to 127.
+
+    It is sent as the last byte of the command.
+    """
     rest = 0
     for byte in data:
         rest ^= byte

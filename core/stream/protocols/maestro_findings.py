@@ -1,4 +1,4 @@
-"""Messages about a Pololu Maestro: its error register and its serial time-out."""
+"""Messages about a Pololu Maestro's error register and serial time-out."""
 
 from __future__ import annotations
 
@@ -29,7 +29,11 @@ RUBBISH = "the answer is none of a Maestro. Check protocol, baud rate and cable"
 
 @dataclass(frozen=True)
 class Found:
-    """Result of the check of the serial time-out; `fault`: why the board is refused, `caution`: a warning."""
+    """Result of the check of the serial time-out.
+
+    Attributes:
+        fault: why the board is refused, in words. caution: a warning; '' for none.
+    """
 
     fault: str = ""
     caution: str = ""

@@ -1,4 +1,7 @@
-"""The sender's side of the native protocol: handshake, arming, clock, commands with play-out times."""
+"""The sender's side of the native protocol.
+
+It is the handshake, arming, the device's clock, and commands with play-out times.
+"""
 
 from __future__ import annotations
 

@@ -225,7 +225,10 @@ def read_configure(body: bytes) -> tuple[int, int, NDArray[np.uint16], NDArray[n
 
 @dataclass(frozen=True)
 class Synced:
-    """A device's answer to SYNC: both clocks, its state, and counters modulo 65536."""
+    """A device's answer to SYNC: both clocks, its state, and counters.
+
+    The counters are modulo 65536.
+    """
 
     host_us: int
     device_us: int

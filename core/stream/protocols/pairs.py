@@ -23,7 +23,10 @@ VIRTUAL_KEY = bytes(range(KEY))
 
 
 class Pair(NamedTuple):
-    """A board's key, and its network address at the time of pairing; '' if it had none."""
+    """A board's key, and its network address at the time of pairing.
+
+    The address is '' if it had none.
+    """
 
     key: bytes
     address: str = ""

@@ -1,1 +1,1 @@
-"""Sound cards that drive an amplifier: their choice, measurement and playback."""
+"""Sound cards that drive an amplifier: choice, measurement, playback."""

@@ -1,7 +1,8 @@
-"""The command `stream loopback`: measure a sound card with a cable from its output to its input.
+"""The command `stream loopback`: measure a sound card.
 
-Results are gain, latency, jitter, corner frequency and loudest level. The output has clicks at uneven times, then tones
-of several frequencies, then a tone of 1 kHz at rising levels. Each is searched for at its expected time in the input.
+A cable leads from the card's output to its input. Results are gain, latency, jitter, corner frequency and loudest
+level. The output has clicks at uneven times, then tones of several frequencies, then a tone of 1 kHz at rising levels.
+Each is searched for at its expected time in the input.
 """
 
 from __future__ import annotations
@@ -17,9 +18,7 @@ from ...errors import DermisError
 from .card import Card, open_card
 from .measured_card import MeasuredCard
 
-QUIET = (
-    0.25  # [s] silence before the first click and after the clicks, twice as long after the last tone: > any latency
-)
+QUIET = 0.25  # [s] silence around the clicks, longer than the latency of any card; twice as long after the last tone
 CLICKS, LEVEL = 24, 0.25  # number of clicks, and amplitude of clicks and tones: -12 dB
 GAP = 0.08  # [s] shortest time between two clicks; a card with a longer latency is not measured
 TONES = (10.0, 20.0, 40.0, 80.0, 160.0, 320.0)  # [Hz] tones that show a card's corner frequency
@@ -123,7 +122,10 @@ def measure(card: Card) -> MeasuredCard:
 
 
 def loopback(options: argparse.Namespace) -> int:
-    """Measure a card, print the results, and write them to a file if one is named."""
+    """Measure a card, and print the results; return the exit status.
+
+    They are also written to a file if one is named.
+    """
     found = measure(open_card(options.card, options.rate, records=True))
     print(f"gain {found.gain:.4f}")
     print(f"latency {1e3 * found.latency:.2f} ms, jitter {1e3 * found.jitter:.3f} ms")
@@ -136,9 +138,10 @@ def loopback(options: argparse.Namespace) -> int:
 
 
 def lowest(card: MeasuredCard) -> float:
-    """Return the lowest frequency [Hz] that a card weakens by no more than 0.5 %.
+    """Return the lowest frequency [Hz] that a card transmits.
 
-    The gain of a first-order high-pass at the frequency f is 1 / sqrt(1 + (corner / f)^2).
+    It is the lowest one whose amplitude the card changes by no more than 0.5 %. The gain of a first-order high-pass at
+    the frequency f is 1 / sqrt(1 + (corner / f)^2).
     """
     return card.corner / float(np.sqrt(1.0 / (1.0 - STRAIGHT) ** 2 - 1.0))
 

@@ -1,4 +1,7 @@
-"""The results of `stream loopback` for a sound card, and their file, JSON of version 1."""
+"""The results of `stream loopback` for a sound card.
+
+Their file is JSON of version 1.
+"""
 
 from __future__ import annotations
 

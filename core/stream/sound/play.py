@@ -1,6 +1,7 @@
-"""The command `stream sound`: play a track's voltage through a sound card and an amplifier.
+"""The command `stream sound`: play a track through a sound card.
 
-The track is played once. Silence is played before the card is closed, after a signal, too.
+The track's voltage is played once, for an amplifier at the card. Silence is played before the card is closed, after a
+signal, too.
 Exit status: 0; 1 if the card ran dry; 2 if the track could not be played to its end; 128 plus a signal's number.
 """
 

@@ -1,4 +1,4 @@
-"""The link 'virtual:' to a simulated device, and the function that opens any link."""
+"""The link 'virtual:' to a simulated device, and the opening of any link."""
 
 from __future__ import annotations
 

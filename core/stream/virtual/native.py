@@ -1,6 +1,7 @@
-"""A simulated device of the native protocol, with the same answers as the firmware.
+"""A simulated device of the native protocol.
 
-`tests/unit/stream/virtual/test_receivers.py` runs one script of packets against both and compares their answers.
+It answers as the firmware does. `tests/unit/stream/virtual/test_receivers.py` runs one script of packets against both
+and compares their answers.
 """
 
 from __future__ import annotations

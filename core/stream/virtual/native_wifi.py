@@ -1,4 +1,7 @@
-"""A simulated ESP32 with the native protocol in sealed datagrams; its key is public."""
+"""A simulated ESP32 with the native protocol in sealed datagrams.
+
+Its key is public.
+"""
 
 from __future__ import annotations
 

@@ -13,7 +13,9 @@ from ..protocols.wire import Wire
 
 
 class OscDevice:
-    """A receiver of OSC bundles that honours time tags, as the specification requires.
+    """A receiver of OSC bundles that honours time tags.
+
+    The specification of OSC requires that.
 
     Attributes:
         waiting: bundles for a later time, each with its time [s], number and messages.

@@ -23,7 +23,9 @@ from .device import Server, make
 
 
 def serve(protocol: str, wire: Wire, at: str, options: dict[str, float], *, every: float = 0.0) -> int:
-    """Run a simulated device until standard input ends; print address and reports.
+    """Run a simulated device until standard input ends; print its reports.
+
+    The address of the device is printed first. Return the exit status.
 
     Args:
         protocol: name of the protocol. wire: description of the device. options: faults, see `device`.

@@ -1,4 +1,4 @@
-"""A simulated sound card, 'virtual:', with a cable from its output to its input.
+"""A simulated sound card, 'virtual:', that records its own output.
 
 Faults of real cards are options. With a pace of 1 it plays in real time, as a real card does. With the default pace of
 0 it plays as fast as it computes.

@@ -1,4 +1,4 @@
-"""A simulated torque board: motors with inertia, friction and the skin's spring."""
+"""A simulated torque board with motors on the skin."""
 
 from __future__ import annotations
 

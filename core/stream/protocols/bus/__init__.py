@@ -1,1 +1,1 @@
-"""Smart servos on one half-duplex line: a common part, and a module for each maker."""
+"""Smart servos on one half-duplex line, with a module for each maker."""

@@ -1,4 +1,4 @@
-"""One half-duplex line to several servos: rounds of questions, and missing answers.
+"""One half-duplex line to several servos, with rounds of questions.
 
 The same line carries commands and answers, so nothing may be sent while an answer is expected. While the servos are
 armed, a question is sent right after a command, and the next command waits for the answer (`Adapter.busy`).
@@ -115,7 +115,7 @@ class BusLine(Adapter):
         return Question(self._read_one(register, size, servo), (servo,), size)
 
     def _all(self, register: int, value: int) -> bytes:
-        """Return the message that writes the same byte into a register of every servo."""
+        """Return the message that writes a byte into every servo's register."""
         return self._write(register, dict.fromkeys(self.ids, bytes((value,))))
 
     def _torque(self, on: bool) -> bytes:

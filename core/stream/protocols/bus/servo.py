@@ -149,7 +149,7 @@ def gone(ids: Iterable[int]) -> str:
 
 
 def out_of_range(servo: int, made: Servo, channel: str, low: int, high: int) -> str:
-    """Return the message that a servo's limits exclude a part of its channel's range."""
+    """Return the message that a servo's limits are too narrow for its channel."""
     return (
         f"servo {servo} takes positions from {made.low} to {made.high}, and '{channel}' needs {low} to {high}. "
         "Widen its own position limits in the maker's program, or move the middle with zero="

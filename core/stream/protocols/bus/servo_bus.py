@@ -1,4 +1,7 @@
-"""Smart servos on one line: Connect, Arm, commands and measurements for every maker."""
+"""Smart servos on one line, the part that all makers share.
+
+It is Connect, Arm, commands and measurements.
+"""
 
 from __future__ import annotations
 

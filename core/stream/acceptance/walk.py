@@ -1,6 +1,6 @@
 """The acceptance checks of a built device.
 
-Each check moves or stops the device, asks a person, and measures.
+A check moves the device, measures its answers, or asks a person.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ MOST_AT_ONCE = 4096  # [rows] largest number taken out at once
 _SHAPE = struct.Struct("<IHHI")  # rows, channels, measured quantities, bytes of the setup
 _WORDS = 32  # [bytes] offset of the counters, of 8 aligned bytes each, so that no reader sees a half-written one
 _HEAD, _TAIL, _LOST = 0, 1, 2  # rows put in, rows taken out, rows lost
-_ROW = struct.Struct("<Q4dIBBxx")
+_ROW = struct.Struct("<Q4dIBBxx")  # the fields of `row.HEAD`
 _START = 64  # [bytes] offset of the status
 
 

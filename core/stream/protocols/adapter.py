@@ -38,8 +38,8 @@ class Adapter:
     Class attributes:
         name: name in URLs and menus. title: name for people.
         tells_pose: the device reports its pose. If `pose` is None nevertheless, the device does not know its pose.
-        hushed: the sender asks nothing while the device is not armed, so that the board's own time-out can act. Until
-            the device is armed, no safe state is confirmed and no pose is reported.
+        hushed: the sender asks nothing while the device is not armed, so that the board's own time-out can act. No safe
+            state is confirmed and no pose is reported meanwhile.
         limp: in the safe state the actuators have no power, whatever the preset says.
         timed: commands may carry their play-out time.
         bears: longest time for which a port's chip may hold answers back without delaying commands [s].

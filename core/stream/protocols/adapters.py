@@ -136,7 +136,7 @@ def _guarded(made: Adapter, name: str, otherwise: Any) -> Callable[..., Any]:
 
 
 def names() -> list[str]:
-    """Return the names of the external adapters that can be loaded."""
+    """Return the names of all external adapters that are found."""
     files = [path.stem for folder in _folders() for path in folder.glob("*.py") if NAME.fullmatch(path.stem)]
     return sorted({*files, *(point.name for point in metadata.entry_points(group=GROUP))})
 

@@ -30,8 +30,8 @@ class NativeWifi(Native):
         "answers only the computer that paired it last"
     )
     OPTIONS = (*Native.OPTIONS, "board")
-    WATCHDOGS = 200, 60, 400
-    GONE, BEHIND = 0.2, 0.03
+    WATCHDOGS = 200, 60, 400  # [ms] default, shortest, longest
+    GONE, BEHIND = 0.2, 0.03  # [s] as `SILENCE_ARMED` and `BEHIND` in native.py, for a slower link
 
     def __init__(self, wire: Wire, options: Mapping[str, str]) -> None:
         super().__init__(wire, options)

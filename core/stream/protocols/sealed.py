@@ -16,11 +16,11 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from hashlib import blake2s
 
-KEY, SEAL, NONCE = 32, 16, 16  # bytes
+KEY, SEAL, NONCE = 32, 16, 16  # [bytes] sizes of a key, a seal and a random number
 TRIES = 10  # datagrams of one handshake before another handshake begins
 FRESH_MS = 200  # [ms] a datagram with an older time stamp was held back on its way, and is refused
-MARK = b"DU"
-_HEAD = struct.Struct("<2sBII")
+MARK = b"DU"  # first bytes of every datagram
+_HEAD = struct.Struct("<2sBII")  # mark, kind, counter of datagrams, clock of the board [ms]
 OVERHEAD = _HEAD.size + SEAL  # [bytes] head and seal of a datagram of a session
 
 

@@ -57,7 +57,7 @@ class ServoBusDevice:
 
     datagrams = False
     MIDDLE, COUNTS = 2048, 4096 / (2 * math.pi)  # [counts] position of 0 rad, and [counts/rad]
-    GOAL, POSITION, TORQUE, FORM = 0, 0, 0, "<H"
+    GOAL, POSITION, TORQUE, FORM = 0, 0, 0, "<H"  # registers, and the format of a position in `struct`
 
     def __init__(self, wire: Wire, *, stuck: int = -1, first: int = 1, twin: int = -1) -> None:
         self.wire, self._buffer, self.damaged = wire, b"", 0

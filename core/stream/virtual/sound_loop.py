@@ -15,7 +15,7 @@ import numpy as np
 from ...arrays import Array
 from ...errors import DermisError
 
-BLOCK = 256
+BLOCK = 256  # [samples] size of a block
 OPTIONS = {
     "gain": 0.8,
     "latency_ms": 12.0,

@@ -23,7 +23,7 @@ class TorqueDevice:
     """
 
     datagrams = True
-    TIMEOUT, STEP = 0.02, 5e-5
+    TIMEOUT, STEP = 0.02, 5e-5  # [s] silence after which there is no torque, and time step of the motion
 
     def __init__(
         self,

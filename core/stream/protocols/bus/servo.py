@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from ....errors import DermisError
 
-HIGHEST_ID = 252
+HIGHEST_ID = 252  # highest id of a servo
 
 
 @dataclass(frozen=True)

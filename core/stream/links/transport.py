@@ -54,9 +54,9 @@ class Transport:
         raise NotImplementedError
 
     def pending(self) -> int:
-        """Send the rest of a partly sent message; return the unsent bytes.
+        """Send the rest of a partly sent message.
 
-        All bytes that still wait on this computer are counted, as far as the system reports them.
+        Return the number of bytes that still wait on this computer, as far as the system reports them.
 
         Raises:
             Gone: the link is closed.

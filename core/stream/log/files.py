@@ -1,6 +1,6 @@
 """The files of a log.
 
-Written rows are readable after any end of the writing.
+Rows that were written stay readable, however the writing ends.
 """
 
 from __future__ import annotations

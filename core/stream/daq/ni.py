@@ -54,7 +54,7 @@ class Daq:
         sensed: range of the inputs to either side of zero [V].
 
     Attributes:
-        output, rate: as above. dry: the device has stopped by itself, or its output is not known to be 0 V.
+        output, rate: as above.
         channels: number of inputs.
 
     Raises:
@@ -64,7 +64,7 @@ class Daq:
     def __init__(self, package: Any, output: str, inputs: str, rate: float, volts: float, sensed: float = 10.0) -> None:
         if not 0.0 < volts <= HIGHEST:
             raise DermisError("no output of these devices gives that", where=output, value=f"{volts:g} V", limit="10 V")
-        self.output, self.rate, self.dry = output, rate, False
+        self.output, self.rate = output, rate
         self._package, self._inputs = package, inputs
         self._out = self._in = None
         self._chunk = max(round(CHUNK * rate), 1)
@@ -108,7 +108,8 @@ class Daq:
                 clock [s].
 
         Raises:
-            DermisError: the device ran dry, or is gone. The output is set to 0 V if the device still answers.
+            DermisError: the device ran dry, is gone, or refused the final 0 V. The output is set to 0 V if the device
+                still answers.
         """
         assert self._out is not None
         rest, played, stopping = samples, 0, False
@@ -132,10 +133,11 @@ class Daq:
                 self._take(sink)
             self._take(sink)
         except self._package.errors.DaqError as error:
-            self.dry = True
             raise self._refused("the NI device has stopped by itself: it ran dry, or is gone", str(error)) from error
         finally:
-            self._rest()
+            lost = self._rest()
+        if lost:
+            raise self._refused("the NI device refused the final 0 V: the voltage at its output is not known", lost)
         return played
 
     def sensed(self, seconds: float) -> Array:
@@ -181,8 +183,8 @@ class Daq:
             sink(self._began + self._read / self.rate, volts)
         self._read += len(volts)
 
-    def _rest(self) -> None:
-        """Stop both tasks, and set the output to 0 V.
+    def _rest(self) -> str:
+        """Stop both tasks, and set the output to 0 V; return the driver's words if it refuses, else ''.
 
         Otherwise the device would hold its last voltage after its task has ended.
         """
@@ -196,8 +198,9 @@ class Daq:
             with self._package.Task() as last:
                 last.ao_channels.add_ao_voltage_chan(self.output, min_val=-HIGHEST, max_val=HIGHEST)
                 last.write(0.0, auto_start=True, timeout=PATIENCE)
-        except self._package.errors.DaqError:
-            self.dry = True  # the voltage at the output is not known now
+        except self._package.errors.DaqError as error:
+            return str(error) or "no reason is given"
+        return ""
 
     def _refused(self, what: str, value: str) -> DermisError:
         return DermisError(

@@ -209,7 +209,7 @@ def test_what_does_not_fit_is_refused(normals, tolerance):
         curved_mesh(ball(320)[0], normals, tolerance=tolerance)
 
 
-@pytest.mark.parametrize(("triangle", "words"), [([0, 1, 7], "does not exist"), ([0.0, 1.0, 2.0], "indices of vertices")])
+@pytest.mark.parametrize(("triangle", "words"), [([0, 1, 7], "does not exist"), ([0.0, 1.0, 2.0], "must be indices")])
 def test_what_is_no_mesh_is_refused(triangle, words):
     with pytest.raises(DermisError, match=f"mesh: .*{words}"):
         curved_mesh(Mesh(np.eye(3), np.array([triangle])))

@@ -28,7 +28,8 @@ class Device:
     Attributes:
         given: all voltages that its output gave. at: the one that it holds. load: voltages of its inputs for an output.
         fastest: [Hz]. gone_after, dry_after: samples after which it answers no more, or has run dry.
-        coerces: the rate that it makes of another. started_at: samples that it had given when a task began last.
+        refuses_rest: a single value is refused. coerces: the rate that it makes of another.
+        started_at: samples that it had given when a task began last.
     """
 
     def __init__(self, inputs: int = 6) -> None:
@@ -39,6 +40,7 @@ class Device:
         self.fastest, self.gone_after = 250_000.0, 10**12
         self.coerces: dict[float, float] = {}
         self.dry_after = 10**12
+        self.refuses_rest = False
         self.tasks: list[Task] = []
         self.started_at = 0
         self.package = SimpleNamespace(
@@ -136,6 +138,8 @@ class Task:
             raise DaqError("Requested value is outside the range of the channel.")
         if len(device.given) >= device.gone_after:
             raise DaqError("Device identifier is invalid.")
+        if auto_start and device.refuses_rest:
+            raise DaqError("The resource is reserved.")
         if auto_start:
             device.at = values[-1]
             return 1

@@ -113,6 +113,14 @@ def test_a_device_that_stops_is_told_zero_volts_and_named(fault: str, tmp_path: 
     assert (device.at == 0.0) == (fault == "dry_after") and all(task.closed for task in device.tasks)
 
 
+def test_a_device_that_refuses_the_last_zero_volts_is_named(tmp_path: Path) -> None:
+    device = Device()
+    device.refuses_rest = True
+    with pytest.raises(DermisError, match="refused the final 0 V.*The resource is reserved.*Switch the amplifier off"):
+        play.run(options(tmp_path), device.package, Signals())
+    assert all(task.closed for task in device.tasks)
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [

@@ -1,8 +1,9 @@
-"""Results of the last bake of each scene: kept in memory for the session, stored outside the .blend for the next.
+"""Keep the result of each scene's last bake, in memory and on disk.
 
-A stored result is one .npz of plain arrays and a JSON text, named by the bake's content hash. `recall` reads it after
-a file was opened, its skins when they are first needed; nothing is written then. A loaded result is shown as 'from an
-earlier session', never as up to date, since nobody has watched the scene meanwhile.
+A result stays in memory for the session, and is stored outside the .blend for the next one. A stored result is one
+.npz of plain arrays and a JSON text. Its name is a hash of its version and the bake's content hash. `recall` reads
+it after a file was opened, and its skins when they are first needed; nothing is written then. A loaded result is shown
+as 'from an earlier session', never as up to date, because the scene may have changed without being watched.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ from ..sampling.frames import frame_range
 from . import owners, stored_skins
 
 RESULT_VERSION = 3
-READ = (3, 2, 1)  # versions; in the first skin does not stiffen, in the second it does so by a series
+READ = (3, 2, 1)  # versions that can be read; in version 1 skin does not stiffen, in version 2 it does so by a series
 NOTES = {
     "fresh": "from the bake",
     "stale": "from a bake that is out of date",
     "earlier": "from an earlier session's bake",
 }
-"""Notes about a result for its reader, by its `state`."""
+"""Notes about a result that its reader sees, by its `state`."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,13 @@ class Result:
     Attributes:
         bake: the engine's `Bake`.
         clock: clock of the tracks.
-        edits: of `changes` when its scene was sampled; -1 for one from an earlier session.
+        edits: value of `changes.edits()` when the scene was sampled; -1 for a result of an earlier session.
         fingerprint: the scene settings that no change handler reports.
-        skins: size, material and accuracy of every skin of the bake, from which its model is made again.
-        owners: the fingers that it is of, by their names at that time.
+        skins: size, material and accuracy of every skin of the bake; its model is made from these again.
+        owners: the fingers of the bake, by their names at that time.
         whose: the device that each output belongs to.
-        names: what fingers are called now, by their names in the bake; empty where they are called the same.
-        last: frame of the range that was baked.
+        names: the present names of fingers, by their names in the bake; empty if all names are unchanged.
+        last: the last frame of the range that was baked.
     """
 
     bake: core.pipeline.bake.Bake
@@ -65,7 +66,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Taken:
-    """A scene's state when it was sampled, before anybody could rename or change anything."""
+    """The state of a scene when it was sampled, before any later change."""
 
     owners: owners.Owners
     clock: scene_time.Clock
@@ -76,7 +77,7 @@ class Taken:
 
     @classmethod
     def of(cls, scene: bpy.types.Scene) -> Taken:
-        """Note it; fingers and devices are given identities."""
+        """Note the state of a scene; give its fingers and devices identities."""
         span = frame_range(scene)
         action_content.look()
         skins = {obj.name_full: skin_of(obj) for obj in identity.fingers(scene)}
@@ -88,9 +89,9 @@ _results: dict[int, Result] = {}
 
 
 def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
-    """Return the settings of a scene that a bake depends on and that change without a depsgraph update.
+    """Return settings of a bake that change without a depsgraph update.
 
-    The scripts that run at changes of the frame are among them.
+    The scripts that run when the frame changes are among them.
     """
     units, mine = scene.unit_settings, scene.dermis
     return (
@@ -113,7 +114,9 @@ def fingerprint(scene: bpy.types.Scene) -> tuple[Any, ...]:
 
 
 def keep(scene: bpy.types.Scene, bake: core.pipeline.bake.Bake, taken: Taken | None = None) -> Result:
-    """Take over the result of a bake that has just ended: changes since it was sampled make it out of date.
+    """Keep the result of a bake that has just ended.
+
+    It is out of date if the scene has changed since it was sampled.
 
     Args:
         taken: the scene's state when it was sampled; its present state where None.
@@ -129,13 +132,20 @@ def keep(scene: bpy.types.Scene, bake: core.pipeline.bake.Bake, taken: Taken | N
 
 
 def current(scene: bpy.types.Scene) -> Result | None:
-    """Return the scene's result, up to date or not, with the names that its fingers have now."""
+    """Return the scene's result, with the present names of its fingers.
+
+    The result may be out of date.
+    """
     kept = _results.get(scene.session_uid)
     return None if kept is None else owners.as_now(scene, kept)
 
 
 def state(scene: bpy.types.Scene) -> str:
-    """Return 'none', 'fresh', 'stale' (the scene changed since) or 'earlier' (from an earlier session)."""
+    """Return the state of a scene's result.
+
+    It is 'none', 'fresh', 'stale' or 'earlier'. 'stale' means that the scene has changed since, 'earlier'
+    that the result is from an earlier session.
+    """
     result = _results.get(scene.session_uid)
     if result is None:
         return "none"
@@ -146,9 +156,9 @@ def state(scene: bpy.types.Scene) -> str:
 
 
 def confirm(scene: bpy.types.Scene, taken: Taken) -> None:
-    """Take note that the scene still equals the input of the bake, as it was sampled anew.
+    """Mark the result as up to date after a new sampling gave the same input.
 
-    Where another range would be baked by now, it stays out of date.
+    The result stays out of date if the sampled range is not the one that was baked.
     """
     kept = _results.get(scene.session_uid)
     if kept is not None and taken.span == (int(kept.clock.first), kept.last):
@@ -164,7 +174,10 @@ def forget() -> None:
 
 
 def values_at(result: Result, output: core.pipeline.bake.Output, frame: float) -> np.ndarray | None:
-    """Return the values of a track at a frame, linearly between samples; None outside the range."""
+    """Return the values of a track's channels at a frame, shape (channels,).
+
+    Values are linear between samples. The last sample holds for up to one more frame. Outside, the result is None.
+    """
     track = output.track
     t = result.clock.seconds(frame)
     if not len(track.times) or t < track.times[0] - 1e-9 or t > track.times[-1] + result.clock.duration(1.0):
@@ -173,7 +186,7 @@ def values_at(result: Result, output: core.pipeline.bake.Output, frame: float) -
 
 
 def signal_at(result: Result, output: core.pipeline.bake.Output, name: str, frame: float) -> float | None:
-    """Return a diagnostic signal at a frame, or None where the bake has none of that name."""
+    """Return a diagnostic signal at a frame; None if there is none."""
     if name not in output.signals:
         return None
     t = result.clock.seconds(frame)
@@ -186,7 +199,7 @@ def cache() -> core.cache.Cache:
 
 
 def store(scene: bpy.types.Scene, result: Result) -> None:
-    """Write a result to the user folder; note in the scene what its key is, and whose it is."""
+    """Write a result to the user folder; note its hash and owners."""
     bake = result.bake
     cache().put(_key(bake.content_hash), lambda target: _write(Path(target), result))
     scene.dermis.bake_key = bake.content_hash
@@ -194,15 +207,16 @@ def store(scene: bpy.types.Scene, result: Result) -> None:
 
 
 def load(scene: bpy.types.Scene) -> Result | None:
-    """Read the stored result of the scene's last bake; None where it is gone.
+    """Read the stored result of the scene's last bake; None if it is gone.
 
-    One of an earlier version belongs to the fingers that are called as it says; from then on it is theirs.
+    The scene may not know the owners of the bake, as with a bake of an earlier version. Then its owners are the fingers
+    that have the names in the bake, and the scene notes them.
 
     Raises:
-        DermisError: the stored file cannot be read, or it is of no finger of this scene.
+        DermisError: the stored file cannot be read, or none of its fingers is in this scene.
     """
     key = scene.dermis.bake_key
-    # no `cache()`: that would make the folder
+    # `cache()` would create the folder.
     folder = core.cache.Cache(user_folder("results"), int(setting("cache_megabytes")) * 1_000_000)
     found = (folder.get(_key(key, version), use=False) for version in READ) if key else iter(())
     path = next((path for path in found if path is not None), None)
@@ -229,27 +243,29 @@ def load(scene: bpy.types.Scene) -> Result | None:
 
 
 def baked() -> dict[str, str]:
-    """Return the former names of the fingers of all scenes' stored bakes, by their identities."""
+    """Return the fingers' names in all scenes' stored bakes, by identity."""
     found = {}
     for scene in bpy.data.scenes:
-        with suppress(DermisError):  # whoever loads that bake is told
+        with suppress(DermisError):  # loading that bake reports the error
             told = owners.loads(scene.dermis.bake_owners)
             found.update({owner.identity: name for name, owner in told.items()})
     return found
 
 
 def has_owner(scene: bpy.types.Scene) -> bool:
-    """Return whether a scene has a finger of its stored bake, or one that may be: a copied scene has others.
+    """Return whether a scene may own its stored bake.
+
+    It may if it has a finger of that bake, or if the owners are not known. The fingers of a copied scene are others.
 
     Raises:
-        DermisError: the file does not say whose it is.
+        DermisError: the owners that the file names cannot be read.
     """
     told = owners.loads(scene.dermis.bake_owners)
     return not told or any(identity.finger_with(owner.identity, scene) for owner in told.values())
 
 
 def _by_name(scene: bpy.types.Scene, names: Sequence[str], told: owners.Owners) -> Finding:
-    """Say that a stored bake does not know its fingers but by name."""
+    """Return the finding that a stored bake knows fingers only by name."""
     lost = [name for name in names if name not in told]
     return Finding(
         "warning" if lost else "info",
@@ -316,7 +332,7 @@ def _read(path: Path) -> Result:
 
     from_preset, track = core.devices.spec.from_preset, core.track.command_track.CommandTrack
     with core.foreign.damage_told("the stored result cannot be read", str(path), remedy="Bake again"):
-        # trusted: of a device at rest ten thousand samples become ten bytes
+        # trusted: the compression has no limit, because ten thousand samples of a device at rest become ten bytes
         with core.npz.opened_npz(path, kind="a stored result", trusted=True) as archive:
             file = archive.arrays([name for name in archive.names if stored_skins.at_once(name)])
             header = core.foreign.json_of(file["header"].tobytes(), str(path), core.foreign.MAX_TEXT, constants=True)

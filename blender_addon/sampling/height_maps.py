@@ -1,4 +1,7 @@
-"""The relief of a touch screen: from a Blender image, a file, a sequence, or any mesh, always heights to the viewer."""
+"""Read the relief of a touch screen, as heights towards the viewer.
+
+Its source is a Blender image, an image file, a sequence of files, or any mesh.
+"""
 
 from __future__ import annotations
 
@@ -16,25 +19,33 @@ from ..properties.fields import value_of
 from . import image_files, mesh_heights, meshes
 
 LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
-"""Rec. 709 weights of red, green and blue."""
+"""[-] Rec. 709 weights of red, green and blue in brightness."""
 
 NO_DATA = ("zeros-like-holes", "no-data-likely")
 OFFERED = (*NO_DATA, "no-unit")
-"""Findings of a map that the artist has to decide on."""
+"""Codes of the findings on a map that the artist has to decide on."""
 DIM, BEYOND = 0.05, 0.01
-"""Of white: a map that is nowhere brighter, or goes so far beyond black or white, is likely a measure."""
+"""[share of white] DIM: a map that is nowhere this bright is likely a measure. BEYOND: so is one that goes this far
+below black or above white."""
 
 _kept: dict[int, tuple[Any, Any]] = {}
-_offered: dict[int, tuple[str, tuple[Any, ...]]] = {}  # with the words on 'no data' when a map was read
+# By screen: the 'no data' setting when its map was last read, and the findings for the artist.
+_offered: dict[int, tuple[str, tuple[Any, ...]]] = {}
 
 
 def forget() -> None:
-    """Drop the reliefs kept for the live preview: an image or a mesh was edited."""
+    """Drop the reliefs kept for the live preview.
+
+    It must be called after an image or a mesh was edited.
+    """
     _kept.clear()
 
 
 def offered(obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Return the findings on the map a screen was last read from that the artist must decide on and has not yet."""
+    """Return the undecided findings on a screen's map.
+
+    The artist must decide on them. They are from the last reading of the map.
+    """
     settings = obj.dermis.screen
     said, found = _offered.get(obj.session_uid, ("", ()))
     decided = {**dict.fromkeys(NO_DATA, said != _no_data(settings)), "no-unit": settings.map_unit != "white"}
@@ -45,30 +56,33 @@ def look(obj: bpy.types.Object) -> tuple[Any, ...]:
     """Read the map file of a screen, and return the findings on it.
 
     Raises:
-        DermisError: it cannot be read; the `offered` findings say so too where only its unit is missing.
+        DermisError: it cannot be read; if the artist must decide first, `offered` returns the finding as well.
     """
     found: tuple[Any, ...] = _file(obj, sequence=False).findings
     return found
 
 
 def said_no_data(obj: bpy.types.Object) -> bool:
-    """Return whether the artist has said which number of a screen's map stands for 'no data', or that none does."""
+    """Return whether a screen's 'no data' setting has been made.
+
+    It says which numbers of the map stand for 'no data', or that none does.
+    """
     return bool(_no_data(obj.dermis.screen))
 
 
 def words_on_no_data(obj: bpy.types.Object, *words: str) -> str:
-    """Return the artist's words on a screen's 'no data', and further words behind them."""
+    """Return the 'no data' setting of a screen with further words appended."""
     said = _no_data(obj.dermis.screen)
     return "; ".join(([said] if said else []) + list(words))
 
 
 def say_no_data(obj: bpy.types.Object, *words: str) -> None:
-    """Add to the words on a screen's 'no data'."""
+    """Append words to the 'no data' setting of a screen."""
     obj.dermis.screen.no_data = words_on_no_data(obj, *words)
 
 
 def unanswered(obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Return the findings on numbers of a screen's map that may stand for 'no data' and that nobody has decided on.
+    """Return the undecided findings on numbers that may mean 'no data'.
 
     Raises:
         DermisError: the map cannot be read.
@@ -80,7 +94,10 @@ def unanswered(obj: bpy.types.Object) -> tuple[Any, ...]:
 
 
 def bounds(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return centre and size of a screen's mesh in its own X and Y, in scene units before its matrix.
+    """Return centre and size of a screen's mesh in its own X and Y.
+
+    The centre has shape (3,) with Z = 0, the size has shape (2,). Both are in the object's space, before its matrix is
+    applied.
 
     Raises:
         DermisError: it has no width or no height.
@@ -99,7 +116,10 @@ def bounds(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> tuple[NDArr
 
 
 def extent(places: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Return the lowest and the highest X and Y of vertices, shape (2, 2); zeros where there are none."""
+    """Return the lowest and the highest X and Y of vertices, shape (2, 2).
+
+    Both are zero if there are no vertices.
+    """
     if not len(places):
         return np.zeros((2, 2))
     return np.array([places.min(axis=0)[:2], places.max(axis=0)[:2]], np.float64)
@@ -108,15 +128,15 @@ def extent(places: NDArray[np.float32]) -> NDArray[np.float64]:
 def build(
     obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, unit: float, *, mirrored: bool = False, keep: bool = False
 ) -> Any:
-    """Return the engine's `Screen` of a touch screen object at the current frame.
+    """Return the engine's `Screen` of an object at the current frame.
 
     Args:
-        unit: metres in a scene unit.
-        mirrored: the object's matrix reflects X; the map is turned over instead.
-        keep: use the relief again while the settings stay (for the live preview); `forget` ends that.
+        unit: [m] length of a scene unit.
+        mirrored: the object's matrix reflects X; the map is mirrored instead.
+        keep: cache the relief while the settings stay the same, for the live preview; `forget` drops it.
 
     Raises:
-        DermisError: no relief to be had, with the reason.
+        DermisError: the relief cannot be made; the message gives the reason.
     """
     settings = obj.dermis.screen
     _, size = bounds(obj, depsgraph)
@@ -145,7 +165,9 @@ def build(
 def frozen(
     screens: Iterable[bpy.types.Object], depsgraph: bpy.types.Depsgraph, deforming: frozenset[int] | None
 ) -> list[mesh_heights.Frozen]:
-    """Return the watchers of the reliefs that were cast from meshes and are felt.
+    """Return the watchers of the reliefs that were cast from meshes.
+
+    A screen has none where a device reads the surfaces over it instead of its map.
 
     Args:
         deforming: session uids of the objects whose shape may change; None if that of every object may.
@@ -161,7 +183,7 @@ def frozen(
 
 
 def _relief(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
-    """Return the engine's `DepthMap` of a screen; flat where none is needed."""
+    """Return the engine's `DepthMap` of a screen, flat if none is needed."""
     settings = obj.dermis.screen
     where = f"screen '{obj.name_full}'"
     if not _chosen(settings) and _felt_as_mesh(obj, depsgraph.scene):
@@ -172,7 +194,8 @@ def _relief(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
     made = _read(obj, depsgraph, unit)
     if made.height_unit != 0.0:
         return made
-    finding = Finding(  # to the engine 0 is a map without a unit, as high as the screen is wide
+    # The engine would read a height of 0 as a map without a unit, as high as the screen is wide.
+    finding = Finding(
         "warning",
         "no-height",
         "its height is 0 mm, so the relief is flat",
@@ -189,7 +212,7 @@ def _chosen(settings: Any) -> bool:
 
 
 def _felt_as_mesh(screen: bpy.types.Object, scene: bpy.types.Scene) -> bool:
-    """Return whether a device reads the surfaces that lie over a screen instead of its map."""
+    """Return whether a device reads the surfaces over a screen, not its map."""
     return any(
         device.enabled and device.relief == "mesh" and device.screen in (None, screen)
         for obj in scene.objects
@@ -204,7 +227,7 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
     where = f"screen '{obj.name_full}'"
     if settings.source == "MESH":
         heights, noticed = mesh_heights.cast(obj, depsgraph, unit, *bounds(obj, depsgraph))
-        # Steps in a mesh are edges of the model, not of the storage: they stay.
+        # Steps in these heights are edges of the mesh, not an effect of number storage, so they are kept.
         made = depth_map.from_array(heights, no_data="none", levels=0, where=where)
         return replace(made, height_unit=1.0, findings=noticed + made.findings)
     if settings.source == "IMAGE":
@@ -259,18 +282,21 @@ def _file(obj: bpy.types.Object, *, sequence: bool) -> Any:
 
 
 def _meant(settings: Any) -> dict[str, Any]:
-    """Return how the artist says that a map is to be read."""
+    """Return the artist's settings for reading a map, as keyword arguments."""
     no_data = core.effects.map_repair.no_data_of(_no_data(settings), f"screen '{settings.id_data.name_full}', No Data")
     return {"meaning": "depth" if settings.invert else "height", "no_data": no_data}
 
 
 def _no_data(settings: Any) -> str:
-    """Return the artist's words on 'no data'; '' where there are none."""
+    """Return the 'no data' setting of a screen; '' if it has not been made."""
     return str(settings.no_data).strip() or ("0" if settings.zero_is_hole else "")
 
 
 def _with_unit(obj: bpy.types.Object, made: Any, where: str) -> Any:
-    """Return a map with metres a unit of it and all findings; keep the findings that the artist has to decide on."""
+    """Return a map with its height unit [m] and all findings.
+
+    The findings that the artist has to decide on are kept for `offered`.
+    """
     findings, height_unit = made.findings, made.height_unit
     if height_unit == 0.0:
         height_unit = value_of(obj.dermis.screen, core.parameters.screen.HEIGHT)
@@ -280,7 +306,7 @@ def _with_unit(obj: bpy.types.Object, made: Any, where: str) -> Any:
 
 
 def _doubtful(heights: NDArray[np.float32], depth: bool, where: str) -> tuple[Any, ...]:
-    """Return the finding that a map was taken as brightness and does not look like one."""
+    """Return a finding if a map read as brightness looks like a measure."""
     low, high = float(heights.min()), float(heights.max())
     low, high = (-high, -low) if depth else (low, high)
     if low == high or (low >= -BEYOND and DIM <= high <= 1.0 + BEYOND):
@@ -298,7 +324,9 @@ def _doubtful(heights: NDArray[np.float32], depth: bool, where: str) -> tuple[An
 
 
 def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float32], NDArray[np.bool_], tuple[Any, ...]]:
-    """Return an image's raw brightness, row 0 at the bottom, where it is empty (alpha 0), and findings.
+    """Return an image's raw brightness, its empty pixels, and findings.
+
+    Both arrays have shape (height, width), row 0 at the bottom. A pixel is empty where its alpha is 0.
 
     Raises:
         DermisError: no image, or one without pixels.
@@ -354,7 +382,10 @@ def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float3
 
 
 def _key(obj: bpy.types.Object) -> Any:
-    """Return the key of a kept relief: all that it depends on, as far as can be told without reading it."""
+    """Return the key of a cached relief.
+
+    It has all that the relief depends on, as far as that is known without reading the source.
+    """
     s = obj.dermis.screen
     image, mesh = s.image, s.mesh_object
     return (

@@ -1,7 +1,7 @@
-"""Takes the evaluated values of all who take part, sample by sample, and makes chunks of them.
+"""Record the evaluated values of all participants as chunks of samples.
 
-The matrices of all objects come in one call into one buffer, and everything else is done once a chunk: a bare
-frame_set of a light scene costs 30 microseconds, so every microsecond spent here a sample would show.
+One call copies the matrices of all objects into one buffer at each sample. All other work that can wait is done once
+per chunk: a bare frame_set of a light scene takes 30 microseconds, so every microsecond added per sample would show.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from .meshes import MeshReader
 from .participants import Entry, Participants, at_place, is_disabled
 
 SMALLEST_SCALE = 1e-6
-"""What a scale of zero becomes: a matrix that cannot be inverted has no inside."""
+"""[-] Scale that replaces a scale of zero: a matrix of scale zero has no inverse."""
 
 
 class Recorder:
-    """Records all who take part over at most `count` samples at a time."""
+    """Recorder of all participants, for at most `count` samples at a time."""
 
     def __init__(
         self, swept: Participants, reader: MeshReader, count: int, instances: InstanceSamples, simulated: Any = None
     ) -> None:
-        """Prepare buffers.
+        """Allocate the buffers.
 
         Args:
-            instances: records instances, of the same bodies and samples.
-            simulated: the recording that stands in for simulated bodies.
+            instances: recorder of the instances among the same bodies, for the same number of samples.
+            simulated: the recording that replaces the motion of simulated participants; None if there are none.
         """
         self._participants, self._reader, self._simulated = swept, reader, simulated
         self._entries = swept.entries
@@ -52,7 +52,7 @@ class Recorder:
         self._present = np.ones((len(self._entries), count), bool)
         first_body = len(swept.fingers)
         self._instances = instances
-        self._shown = np.array(instances.bodies, np.int64) + first_body  # their places among the entries
+        self._shown = np.array(instances.bodies, np.int64) + first_body  # indices into the entries
         self._mirrored = np.array([i for i, e in enumerate(self._entries) if e.mirrored], np.int64)
         self._objects = np.array([i for i, e in enumerate(self._entries) if e.instance is None], np.int64)
         self._drawn = np.array([i for i, e in enumerate(swept.fingers) if e.drawn], np.int64)
@@ -64,11 +64,13 @@ class Recorder:
             for i, e in enumerate(swept.bodies)
             if (e.deforming or e.blinking) and e.shown_as is None and not _recorded(simulated, e)
         ]
-        # Since surfaces were made last; a mesh that is made for many edits the file, which only a sweep may.
+        # Looks at meshes since surfaces were last made of them. The preview records one sample at a time and reads
+        # each surface at once: to make surfaces of many looks may take a new mesh in the file, and only a sweep may
+        # edit the file.
         self._looks: list[list[Any]] = [[] for _ in self._surfaced]
         self._look = reader.geometry_of if count == 1 else reader.look
         self._geometries = iter if count == 1 else reader.geometries
-        self._surfaces: list[list[Any]] = [[] for _ in self._surfaced]  # of the samples of a chunk
+        self._surfaces: list[list[Any]] = [[] for _ in self._surfaced]  # one for each sample of the chunk so far
         self._absent = core.scene.tactile_scene.ABSENT
         self._bare = np.zeros((len(self._entries), count), bool)
         self._animated = self._animated_table()
@@ -76,11 +78,11 @@ class Recorder:
         self._checked = self._direct = False
 
     def holds(self) -> bool:
-        """Return whether the file has the same objects in the same places as at the start."""
+        """Return whether Blender still lists the same objects in the same order."""
         return len(bpy.data.objects) == len(self._uids) and self._now_first()
 
     def record(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
-        """Take sample k of the current frame."""
+        """Record the current frame as sample k."""
         objects = bpy.data.objects
         if len(objects) != len(self._uids):
             self._changed()
@@ -104,12 +106,12 @@ class Recorder:
             self._values[key][k] = owner.evaluated_get(depsgraph).dermis.path_resolve(path) * factor
 
     def chunk(self, frames: Array, times: Array, n: int, findings: list[Any], *, simulating: bool = False) -> Any:
-        """Return samples 0 to n - 1 as a chunk, and note the repairs.
+        """Return samples 0 to n - 1 as a chunk; add repairs to `findings`.
 
         Raises:
             DermisError: a matrix or a parameter that is not a finite number.
         """
-        # An exchange of objects that keeps their number shows here at the latest, before anything is handed on.
+        # `record` may miss an exchange of objects that keeps their number. It is found here, before the chunk is used.
         if len(bpy.data.objects) != len(self._uids) or (self._order() is not None and not self._scripted):
             self._changed()
         self._take_instances(n)
@@ -155,12 +157,12 @@ class Recorder:
         )
 
     def findings(self) -> list[Any]:
-        """Return the findings over all chunks."""
+        """Return the findings on particles between whole frames, over all chunks."""
         watched = dict.fromkeys(self._particles.values())
         return [found for between in watched if (found := between.finding()) is not None]
 
     def surfaces_of(self, k: int) -> Iterator[tuple[Entry, Any]]:
-        """Yield the surfaces of deforming bodies at sample k, the last one."""
+        """Yield deforming bodies and their surfaces at sample k, the last one."""
         self._take_surfaces()
         for s, (_, _, entry) in enumerate(self._surfaced):
             if entry.deforming:
@@ -189,9 +191,10 @@ class Recorder:
         )
 
     def _order(self) -> Array | None:
-        """Return where the objects are in Blender's list now, None where they are as at the start.
+        """Return the present index of each object in Blender's list.
 
-        A script that renames objects moves them there.
+        None means that the order is as at the start. The list is in order of name, so a script that renames an object
+        moves it.
         """
         if self._now_first():
             return None
@@ -202,21 +205,24 @@ class Recorder:
         return order
 
     def _now_first(self) -> bool:
-        """Return whether the objects are in Blender's list as at the start; look where they are now."""
+        """Read the order of Blender's list; return whether it is as at the start."""
         bpy.data.objects.foreach_get("session_uid", self._now)
         return self._now.tobytes() == self._first
 
     def _object(self, place: int) -> bpy.types.Object:
-        """Return the object that was at a place in Blender's list at the start."""
+        """Return the object that had an index of Blender's list at the start."""
         return at_place(place, int(self._uids[place]))
 
     def _check_source(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """See whether Blender copies evaluated matrices back to the objects; it does for the active graph only."""
+        """Find out whether the objects hold the evaluated matrices of this graph.
+
+        Blender copies evaluated matrices back to the objects only for the active dependency graph.
+        """
         self._checked = True
         self._direct = not depsgraph_is_active(depsgraph, [self._object(i) for i in self._places_of_objects()])
 
     def _places_of_objects(self) -> list[int]:
-        """Return where those are in Blender's list that are where their objects are; instances are not."""
+        """Return the sorted list indices of participants other than instances."""
         return sorted(set(self._place[self._objects].tolist()))
 
     def _record_directly(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
@@ -225,7 +231,7 @@ class Recorder:
             row[place] = np.array(self._object(place).evaluated_get(depsgraph).matrix_world).T
 
     def _take_instances(self, n: int) -> None:
-        """Take over when instances are there, and when they have faces."""
+        """Copy at which samples instances are present but have no faces."""
         if not self._shown.size:
             return
         made = self._instances
@@ -241,7 +247,10 @@ class Recorder:
             self._looks[s].append(look)
 
     def _take_surfaces(self) -> None:
-        """Make surfaces of the looks since the last time; for many samples at once that is faster."""
+        """Make surfaces of the looks since the last call.
+
+        Making surfaces for many samples at once is faster.
+        """
         for s, (i, _, entry) in enumerate(self._surfaced):
             looks, self._looks[s], made = self._looks[s], [], self._surfaces[s]
             geometries = iter(self._geometries([look for look in looks if look is not None]))
@@ -253,7 +262,10 @@ class Recorder:
                 made.append(self._absent if bare else self._reader.surface(geometry, *args))
 
     def _poses(self, n: int) -> Array:
-        """Return matrices of all entries in metres, reflections taken out, shape (entries, n, 4, 4)."""
+        """Return the matrices of all entries in metres, shape (entries, n, 4, 4).
+
+        The matrices of mirrored entries have X negated.
+        """
         poses = np.empty((len(self._entries), n, 4, 4))
         if self._shown.size:
             placed = self._instances.placed
@@ -347,7 +359,10 @@ class Recorder:
                 )
 
     def _absence(self, i: int) -> Any:
-        """Return the finding that entry i is hidden for a while: chunks tell the engine so of bodies only."""
+        """Return the finding that entry i is hidden for a while.
+
+        Chunks can mark bodies as absent, but neither fingers nor screens.
+        """
         name, first_screen = self._entries[i].name, len(self._entries) - len(self._participants.screens)
         if len(self._participants.fingers) <= i < first_screen:
             what = "it is not there all the time, and cannot be touched meanwhile"
@@ -378,7 +393,10 @@ def depsgraph_is_active(depsgraph: bpy.types.Depsgraph, objects: list[bpy.types.
 
 
 def _scaled(name: str, scale: Array, off: NDArray[np.bool_], frames: Array) -> Any:
-    """Return the finding about a finger whose mesh is drawn larger or smaller than it feels in some samples."""
+    """Return the finding that a finger's mesh is scaled in some samples.
+
+    The skin does not follow the scale: it feels with the size that its settings say.
+    """
     first = int(off.argmax())
     return Finding(
         "warning",
@@ -394,14 +412,17 @@ def _scaled(name: str, scale: Array, off: NDArray[np.bool_], frames: Array) -> A
 
 
 def _rigid(poses: Array) -> Array:
-    """Return finger frames without scale or shear: Y as it is, Z made square to it, X to the right of both."""
+    """Return finger frames without scale or shear.
+
+    Y keeps its direction, Z is made perpendicular to Y, and X is the cross product of Y and Z.
+    """
     out = np.zeros_like(poses)
     y, z = poses[..., :3, 1], poses[..., :3, 2]
     y = y / np.sqrt(np.add.reduce(y * y, axis=-1, keepdims=True))
     z = z - y * np.add.reduce(y * z, axis=-1, keepdims=True)
     z = z / np.sqrt(np.add.reduce(z * z, axis=-1, keepdims=True))
     after, before = (1, 2, 0), (2, 0, 1)
-    x = y[..., after] * z[..., before] - y[..., before] * z[..., after]  # np.cross, in a tenth of its calls
+    x = y[..., after] * z[..., before] - y[..., before] * z[..., after]  # like np.cross, with a tenth of its calls
     out[..., :3, 0], out[..., :3, 1], out[..., :3, 2] = x, y, z
     out[..., :3, 3] = poses[..., :3, 3]
     out[..., 3, 3] = 1.0
@@ -409,7 +430,7 @@ def _rigid(poses: Array) -> Array:
 
 
 def _with_scale(linear: Array) -> Array:
-    """Return a right-handed matrix in which columns of no length have the smallest scale."""
+    """Return a right-handed matrix; zero columns get `SMALLEST_SCALE`."""
     lengths = np.linalg.norm(linear, axis=0)
     rotation, _ = np.linalg.qr(np.where(lengths < 1e-9, np.eye(3), linear / np.maximum(lengths, 1e-30)))
     sign = np.sign((rotation * linear).sum(axis=0))
@@ -420,7 +441,7 @@ def _with_scale(linear: Array) -> Array:
 
 
 def _note(findings: list[Any], finding: Any) -> None:
-    """Add a finding, or count it to the one of the same kind that is there."""
+    """Add a finding, or add its count to one of the same code and place."""
     for i, known in enumerate(findings):
         if (known.code, known.where) == (finding.code, finding.where):
             findings[i] = Finding(

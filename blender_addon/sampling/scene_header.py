@@ -1,4 +1,7 @@
-"""The engine's input before the first sample: names, parameters, surfaces, reliefs, and their flaws."""
+"""Read the header of a `TactileScene`: all that precedes its samples.
+
+The header has names, parameters, surfaces and reliefs. Flaws of the scene are reported as findings.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +26,12 @@ from .simulated_motion import Simulations
 _LEFT_OUT, _SO_LEFT_OUT = "It is left out", ", so it is left out"
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
-"""[m/s^2] what a new Blender scene has."""
+"""[m/s^2] Gravity of a new Blender scene."""
 
 
 @dataclass(frozen=True)
 class Header:
-    """The engine's header, and those that made it in, in the same order."""
+    """The usable participants and, in the same order, their engine headers."""
 
     participants: Participants
     fingers: tuple[Any, ...]
@@ -40,7 +43,7 @@ def scene_findings(scene: bpy.types.Scene) -> list[Any]:
     """Report peculiarities of a scene's settings.
 
     Raises:
-        DermisError: a newer Dermis saved the file: settings unknown to this one would be missing without a word.
+        DermisError: a newer Dermis saved the file, so settings that this one does not know would be lost silently.
     """
     findings = []
     where = f"scene '{scene.name_full}'"
@@ -71,8 +74,8 @@ def scene_findings(scene: bpy.types.Scene) -> list[Any]:
 def gravity(scene: bpy.types.Scene, findings: list[Any]) -> tuple[float, float, float]:
     """Return gravity [m/s^2] in world space.
 
-    Blender keeps it in scene units. One that was left at the default in a scene of millimetres or feet would stand for
-    a fraction of the Earth's. It is replaced by the Earth's, and a finding says so.
+    Blender keeps gravity in scene units. Its default value is a fraction of the Earth's gravity in a scene of
+    millimetres or feet. There, the default is replaced by the Earth's gravity, and a finding is added.
     """
     if not scene.use_gravity:
         return (0.0, 0.0, 0.0)
@@ -104,19 +107,20 @@ def list_participants(
     *,
     scripted: bool = False,
 ) -> Participants:
-    """List who takes part, at the current frame.
+    """List the fingers, bodies and screens of a scene at the current frame.
 
     Args:
-        scripted: scripts run at changes of the frame: a touchable object that is disabled now may be enabled later.
+        scripted: whether scripts run when the frame changes; they may enable a touchable object later that is disabled
+            now.
         deforming: session uids of objects whose surface depends on time; None if every surface may.
-        instances: of the range. reader: of those of the current frame.
-        stretches: the most that objects which may grow are stretched by in the range, by session uid; None where that
-            is not known.
+        instances: the instances of the whole range. reader: reads the instances of the current frame.
+        stretches: the largest stretch in the range of each object that may grow, by session uid; None if unknown.
     """
     out = Participants(scene.name_full, view_layer.name, metres_per_unit(scene))
     fingers, bodies, screens = [], [], []
     shown = participants.look_up({p.material for p in instances.bodies.values()}).values()
-    felt = {f"object '{obj.name_full}'" for obj in shown}  # its instances are, though it may be disabled itself
+    # The instances of these objects can be touched, even where the object itself is disabled.
+    felt = {f"object '{obj.name_full}'" for obj in shown}
     for obj in participants.taking_part(scene, view_layer, out.findings, scripted=scripted):
         matrix = np.array(obj.evaluated_get(depsgraph).matrix_world, np.float64)
         entry = Entry(
@@ -179,11 +183,14 @@ def header(
     *,
     live: bool = False,
 ) -> Header:
-    """Read parameters, surfaces and reliefs at the current frame; leave out unusable ones, with a finding.
+    """Read parameters, surfaces and reliefs at the current frame.
+
+    Bodies and screens that cannot be used are left out, and findings report them.
 
     Args:
-        reader: of surfaces. instances: reads those of instances.
-        live: for the preview: surfaces come with the chunks, reliefs are kept, animated parameters have their defaults.
+        reader: reads the surfaces of objects. instances: reads the surfaces of instances.
+        live: read for the preview: the chunks hold the surfaces, reliefs are cached, and animated parameters have
+            their default values.
     """
     findings = swept.findings
     objects = participants.look_up({e.uid for e in swept.entries})
@@ -220,13 +227,14 @@ def header(
             geometry = reader.geometry_of(obj.evaluated_get(depsgraph), entry.curved is not None or not live)
         mesh = reader.surface(geometry, swept.unit, entry.mirrored, entry.curved)
         if not (live or len(mesh.triangles)) and obj.type in SURFACE_TYPES and script_changes.run_here():
-            entry = replace(entry, blinking=True)  # a script may give it faces
-        if live or not (entry.deforming or entry.blinking):  # these may get their faces later: the chunks tell
+            entry = replace(entry, blinking=True)  # a script may give it faces later
+        # Bodies that deform or blink may get their faces later; then the chunks have them.
+        if live or not (entry.deforming or entry.blinking):
             try:
                 core.scene.tactile_scene.check_mesh(mesh, f"object '{entry.name}'")
             except DermisError as error:
                 if entry.instance is None and entry.uid in makers:
-                    continue  # its instances are bodies of their own
+                    continue  # its instances are separate bodies
                 kind = (entry.uid, entry.uid) if entry.instance is None else entry.instance[:2]
                 if kind not in unusable:
                     findings.append(_left_out(error, "mesh-unusable"))
@@ -255,7 +263,7 @@ def header(
 
 
 def _in_instances(depsgraph: bpy.types.Depsgraph) -> list[Any]:
-    """Report fingers and touch screens that instances show."""
+    """Report fingers and touch screens that are shown as instances."""
     remedy = "Make the instance real, or a library override of it"
     fingers = [
         Finding(
@@ -281,7 +289,11 @@ def _in_instances(depsgraph: bpy.types.Depsgraph) -> list[Any]:
 
 
 def _stretch(obj: bpy.types.Object, matrix: Array, stretches: Mapping[int, float] | None) -> float:
-    """Return the most that an object's pose stretches it by, over the range as far as that is known."""
+    """Return the largest factor by which an object's pose stretches it.
+
+    It is the factor over the range where `stretches` has the object, else that of the current frame. Without
+    `stretches`, the factor of a curved object that may grow is rounded up.
+    """
     now = curved_surfaces.stretch_of(matrix)
     if stretches is not None:
         return stretches.get(obj.session_uid) or now
@@ -333,7 +345,7 @@ def _finger(obj: bpy.types.Object, screens: set[str], findings: list[Any]) -> An
                     remedy="Choose another screen in the Dermis tab under Wear",
                 )
             )
-        # Kept all the same: the numbers of its neighbours' channels must not change.
+        # A device with a flaw stays in the list, so that the channels of the others keep their numbers.
         values = platform_devices.absolute(thimble_devices.parameters_of(device))
         uses.append(core.scene.tactile_scene.DeviceUse(device.preset, values, screen))
     finger = obj.dermis.finger
@@ -365,7 +377,11 @@ def _instance_entries(
     deforming: frozenset[int] | None,
     instances: Mapping[InstanceKey, Present],
 ) -> list[Entry]:
-    """List the instances that are bodies; `now` has the places of those that are there at the current frame."""
+    """Return the entries of the instances that are bodies, in order of name.
+
+    Args:
+        now: the matrices of the instances that exist at the current frame.
+    """
     objects = participants.look_up({u for key in instances for u in (key.instancer, key.object)})
     animated = {p.material: participants.animated_parameters(objects[p.material]) for p in instances.values()}
     out = []
@@ -390,7 +406,10 @@ def _instance_entries(
 
 
 def _defaults(parameters: Mapping[str, Any], obj: bpy.types.Object, entry: Entry) -> dict[str, Any]:
-    """Return parameters in which the animated ones have their defaults."""
+    """Return an object's parameters with defaults for the animated ones.
+
+    Parameters of devices are not among them.
+    """
     out = dict(parameters)
     for name, path, factor in entry.animated:
         if not name.startswith("device/"):
@@ -414,7 +433,10 @@ def _default(obj: bpy.types.Object, path: str) -> Any:
 
 
 def reason(tactile: Any, error: Any) -> Any:
-    """Return why nothing is left to render, where the only finger or all there is to touch was refused; else `error`.
+    """Return an error that names the refused finger or object; else `error`.
+
+    A scene without a finger, or without anything to touch, is refused. Where a finding says that a finger, or an
+    object to touch, was left out, that is the cause, and the returned error states it.
 
     Args:
         tactile: the refused `TactileScene`. error: the exception that its `validate` raised.

@@ -1,8 +1,9 @@
-"""From Blender's evaluated scene to the engine's `TactileScene`, sample by sample over the range.
+"""Sample Blender's evaluated scene into the engine's `TactileScene`.
 
-Everything is sampled at (frame, sub-frame) after full evaluation, never from F-curves, so constraints, IK, drivers,
-NLA and instances just work. One sweep samples all objects. Blender evaluates time in single precision, so samples are
-taken at the nearest frame that single precision knows, and that very frame and its time go into the chunk.
+Every sample is taken at a frame and sub-frame after full evaluation, never from F-curves, so that constraints, IK,
+drivers, NLA and instances need no code of their own. One sweep samples all objects. Blender evaluates time in single
+precision. Samples are therefore taken at the nearest frame in single precision, and the chunk holds that very frame
+and its time.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from .participants import Entry, InstanceKey, Participants
 from .recorder import Recorder
 
 CHUNK = 64
-"""Samples in a chunk. It is fixed, because the content hash sees chunks."""
+"""[samples] Length of a chunk. It is fixed, because the content hash depends on how samples are chunked."""
 
 
 _live_reader = MeshReader()
@@ -50,7 +51,10 @@ _live_shown = InstanceReader(_live_reader)
 
 @contextmanager
 def undisturbed(scene: bpy.types.Scene) -> Iterator[None]:
-    """Mute our handlers and put the scene back to its frame at the end, whatever happens."""
+    """Mute the add-on's handlers, and restore the scene's frame at the end.
+
+    The frame is restored after an error as well.
+    """
     name, frame = scene.name_full, scene_time.shown(scene)
     with changes.muted():
         try:
@@ -62,11 +66,13 @@ def undisturbed(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 class Sweep:
-    """An iterator of chunks that samples while it is read, and that can be advanced by one sample at a time.
+    """Iterator of chunks that takes the samples while it is read.
+
+    `advance` takes one sample at a time.
 
     Attributes:
-        done, total: samples taken, simulation frames included.
-        findings: those on the way; complete when the sweep has ended.
+        done, total: number of samples taken so far, and of all samples; both include the frames of simulations.
+        findings: findings of the sampling; complete when the sweep has ended.
     """
 
     def __init__(self, steps: Generator[Any, None, None], total: int, findings: list[Any]) -> None:
@@ -75,7 +81,10 @@ class Sweep:
         self._ready: list[Any] = []
 
     def advance(self) -> bool:
-        """Take one sample; return whether a chunk is ready or the sweep has ended, so that `next` costs nothing."""
+        """Take one sample; return whether `next` needs no further sample.
+
+        That is so when a chunk is ready, and when the sweep has ended.
+        """
         if self._ready:
             return True
         try:
@@ -112,14 +121,16 @@ def sample(
     span: tuple[int, int] | None = None,
     chunk_size: int = CHUNK,
 ) -> Any:
-    """Return the scene as a `TactileScene` whose chunks are a `Sweep`: it samples while they are read.
+    """Return a scene as a `TactileScene` whose chunks are a `Sweep`.
+
+    The scene is sampled while the chunks are read.
 
     Args:
-        scene, view_layer: the context's where left out.
-        span: first and last frame, both included; `frame_range(scene)` where left out.
+        scene, view_layer: those of the context if left out; of another scene, its first view layer.
+        span: first and last frame, both included; `frame_range(scene)` if left out.
 
     Raises:
-        DermisError: the scene cannot be rendered at all. More may be raised while chunks are read.
+        DermisError: the scene cannot be rendered at all. Reading the chunks may raise further errors.
     """
     scene = scene or bpy.context.scene
     view_layer = view_layer or (bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0])
@@ -198,11 +209,11 @@ def sample(
 
 
 def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.scene.tactile_scene.TactileScene:
-    """Return the scene as it is evaluated now, as a `TactileScene` of one chunk with one sample; no frame changes.
+    """Return the present state of a scene as a `TactileScene` of one sample.
 
-    Every surface comes with the chunk, as the same object while it does not change, so the engine's search structures
-    last from call to call. Animated parameters are in the chunks; in the header they have their defaults, so that
-    the headers of successive frames compare equal.
+    The frame is not changed. The one chunk holds every surface. An unchanged surface is the same object in every call,
+    so that the engine keeps its search structures. The chunk also holds the animated parameters; the header has their
+    default values, so that the headers of successive frames compare equal.
 
     Raises:
         DermisError: a value that is not a finite number.
@@ -232,7 +243,7 @@ def sample_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> core.s
 
 
 def read_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Read who takes part and their surfaces for the next `sample_now`; return False where they were known.
+    """Prepare the next `sample_now`; return False if nothing had to be read.
 
     Raises:
         DermisError: a value that is not a finite number.
@@ -242,21 +253,21 @@ def read_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> bool:
 
 
 class _Live(NamedTuple):
-    """Who takes part in the live preview, and for which state of the scene that was found out."""
+    """The participants of the live preview at one state of the scene."""
 
     key: tuple[Any, ...]
     header: Any
     recorder: Recorder  # of one sample
     findings: tuple[Any, ...]
-    frame: float | None  # that it holds for alone; None for all
+    frame: float | None  # the only frame for which this is valid; None if it is valid for all frames
 
 
 _live: _Live | None = None
-_forms = -1  # of `changes`, when surfaces and reliefs were forgotten last
+_forms = -1  # value of `changes.forms()` when surfaces and reliefs were last dropped
 
 
 def _live_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, span: tuple[int, int]) -> _Live:
-    """Return who takes part; read anew where anything has changed."""
+    """Return the live participants; read them anew if the scene has changed."""
     global _live, _forms
     if _forms != changes.forms():
         forget()
@@ -279,7 +290,11 @@ def _live_now(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, span: tupl
 def _read_live(
     scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph, span: tuple[int, int], key: tuple[Any, ...]
 ) -> _Live:
-    """Find out who takes part: once a change, and once a frame only where instances or visibility vary."""
+    """Read the live participants.
+
+    They are valid until the next change of the scene, but for one frame only where they may vary with time: with
+    instances, scripts, unusable meshes, and objects that blink, are mirrored or may grow.
+    """
     view_layer = scene.view_layers[depsgraph.view_layer.name]
     findings = scene_header.scene_findings(scene)
     has = participants.instancers(scene)
@@ -291,7 +306,7 @@ def _read_live(
     varies = any(e.blinking or e.mirrored for e in header.participants.entries)
     curved = {e.uid for e in header.participants.bodies if e.curved is not None}
     varies |= any(map(curved_surfaces.grows, participants.look_up(curved).values()))
-    varies |= any(f.code == "mesh-unusable" for f in header.participants.findings)  # it may get its faces later
+    varies |= any(f.code == "mesh-unusable" for f in header.participants.findings)  # it may get faces at other frames
     lasting = not has and not varies and not script_changes.run_here()
     recorder = _Readers(_live_reader, _live_shown, ChangesSeen(), {}, {}).recorder(header.participants, 1)
     return _Live(key, header, recorder, tuple(findings), None if lasting else scene_time.shown(scene))
@@ -307,10 +322,10 @@ def forget() -> None:
 
 
 class _Readers(NamedTuple):
-    """The readers of surfaces and instances of a sweep, and the instances and surfaces that are known.
+    """The readers of a sweep, and its known instances and surfaces.
 
     Attributes:
-        instances: the bodies that are instances. surfaces: of the header, by name.
+        instances: the bodies that are instances. surfaces: the surfaces in the header, by the names of bodies.
     """
 
     meshes: MeshReader
@@ -346,7 +361,7 @@ def _steps(
     scene = _scene_named(swept.scene)
     if scene is None:
         raise DermisError("the scene was removed", where=f"scene '{swept.scene}'")
-    showing = any(entry.shown_as is not None for entry in swept.entries)  # else nobody asks for it
+    showing = any(entry.shown_as is not None for entry in swept.entries)  # only instances need `seen`
     with undisturbed(scene), readers.seen.watching() if showing else nullcontext(), watch or nullcontext():
         simulated = None
         if len(whole):
@@ -388,7 +403,7 @@ def _go_to(swept: Participants, frame: float) -> bpy.types.Depsgraph:
 def _simulate(
     swept: Participants, readers: _Readers, whole: Array, clock: scene_time.Clock, findings: list[Any]
 ) -> Generator[None, None, simulated_motion.Recording]:
-    """Run the simulations through, step by step from their start, and record their motion."""
+    """Step through the simulations from their start, and record their motion."""
 
     def pick(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
         return tuple(replace(e, animated=()) for e in entries if e.simulated)
@@ -413,7 +428,7 @@ def _simulate(
 
 
 def _is_there(entry: Entry, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Return whether an object that may be hidden for a while is evaluated now."""
+    """Return whether an object that may be hidden is evaluated now."""
     return not entry.blinking or not participants.is_disabled(
         participants.look_up({entry.uid})[entry.uid], depsgraph.view_layer
     )

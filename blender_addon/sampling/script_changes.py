@@ -1,8 +1,8 @@
-"""Follows the changes that scripts make at changes of the frame: shapes, visibility, settings.
+"""Follow the changes of shapes, visibility and settings by scripts.
 
-Without such scripts, Blender evaluates anew only the data that its relations make depend on time, and these hold for
-the whole range. A script obeys no relation: it may begin at any frame. Where scripts run, every sample is therefore
-compared with the one before. Shapes are read only when Blender says that something was edited.
+These scripts run when the frame changes. Without them, only data whose relations depend on time can change, and these
+relations are the same in the whole range. A script needs no relation, and may begin at any frame. Where scripts run,
+the scene is therefore checked for changes at every sample. Shapes are read only when Blender reports an edit.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ from .participants import Entry, Participants, at_place, role_of
 _LISTS = ("frame_change_pre", "frame_change_post")
 _HANDLERS = tuple(
     getattr(bpy.app.handlers, name) for name in _LISTS
-)  # Blender has one of each, and changes it in place
+)  # Blender has one list object of each name, and changes it in place
 _OURS = __name__.rpartition(".sampling.")[0]
 
 _BRANCHES = {"FINGER": "finger", "SCREEN": "screen", "TOUCHABLE": "material"}
 _CONSTANT = {"preset", "enabled", "screen", "source", "image", "filepath", "mesh_object", "resolution"}
-"""Settings that a bake depends on and that no table of parameters has."""
+"""Names of settings that a bake depends on, but that are in no table of parameters."""
 _WORLD = ("gravity", "use_gravity", "unit_settings.scale_length")
 
 
-# Both lists as they were, and which of their functions are not ours.
+# Copies of both lists at the last change, and the functions in them that are not the add-on's.
 _looked_at: tuple[list[Any], list[Any], tuple[Any, ...]] = ([], [], ())
 
 
@@ -44,9 +44,10 @@ def _foreign(functions: list[Any]) -> list[Any]:
 
 
 def functions() -> tuple[Any, ...]:
-    """Return the functions that are not ours and run at changes of the frame, in their order.
+    """Return others' functions that run when the frame changes, in order.
 
-    This is asked several times at every frame that is shown.
+    They are those that are not the add-on's. The result is cached, because it is needed several times at every shown
+    frame.
     """
     global _looked_at
     pre, post = _HANDLERS
@@ -56,13 +57,13 @@ def functions() -> tuple[Any, ...]:
 
 
 def run_here() -> bool:
-    """Return whether functions that are not ours run at changes of the frame."""
+    """Return whether functions of others run when the frame changes."""
     return bool(functions())
 
 
 @contextmanager
 def held_back() -> Iterator[None]:
-    """Let no function of others run at changes of the frame."""
+    """Keep the functions of others from running when the frame changes."""
     before = {name: list(getattr(bpy.app.handlers, name)) for name in _LISTS}
     for name in _LISTS:
         foreign = _foreign(before[name])
@@ -75,15 +76,18 @@ def held_back() -> Iterator[None]:
 
 
 def needed(scene: bpy.types.Scene) -> bool:
-    """Return whether a scene must be watched: scripts run, or a setting that is constant over a bake is animated."""
+    """Return whether a scene must be watched for changes.
+
+    It must if scripts run, or if a setting that is constant over a bake (gravity, unit scale) is animated.
+    """
     return run_here() or not compat.animated_paths(scene).isdisjoint(_WORLD)
 
 
 class Watch:
-    """Follows changes by scripts, sample by sample, while it is entered as a context.
+    """Context manager that follows the changes by scripts, sample by sample.
 
     Attributes:
-        findings: on changes that cannot be followed, each with the frame at which it first occurred.
+        findings: findings on changes by scripts, each with the frame at which it was first seen.
     """
 
     def __init__(
@@ -95,11 +99,11 @@ class Watch:
         reader: MeshReader,
         timely: frozenset[int],
     ) -> None:
-        """Take the state at the first frame, which is the current one.
+        """Note the state at the first frame, which is the current one.
 
         Args:
-            surfaces: the bodies' surfaces in the header. reader: the one that read them.
-            timely: session uids of all that Blender evaluates anew because time goes on.
+            surfaces: the bodies' surfaces in the header. reader: the reader that read them.
+            timely: session uids of the data that Blender evaluates anew because time advances.
         """
         self.findings: list[Any] = []
         self._scene, self._view_layer, self._reader, self._timely = scene, view_layer, reader, timely
@@ -111,16 +115,16 @@ class Watch:
         self._still = {b: mesh for b, mesh in enumerate(surfaces) if mesh is not None}
         self._gone: set[int] = set()
         self._count = 0  # samples of the chunk so far
-        self._rows: dict[int, list[Any]] = {}  # their surfaces, of bodies that have changed
-        self._edited: set[int] = set()  # session uids
-        self._all = True  # whether everything may have been edited
+        self._rows: dict[int, list[Any]] = {}  # surfaces at these samples, by the index of a body that has changed
+        self._edited: set[int] = set()  # session uids of what was edited since the last sample
+        self._all = True  # whether any data may have been edited since then
         self._frame: int | None = None
         taking_part = [
             ((place[o.session_uid], o.session_uid), o) for o in scene.objects if participants.role_of(o) != "NONE"
         ]
         self._inside = _children()
         self._settings = [(at, _settings(o, compat.stored(o, "dermis"), self._inside)) for at, o in taking_part]
-        # Fingers and screens are there all the time or not at all.
+        # The engine knows no absence of fingers and screens, so changes of their visibility are only reported.
         self._disabled = [
             (at, participants.is_disabled(o, view_layer))
             for at, o in taking_part
@@ -129,13 +133,13 @@ class Watch:
         self._world = _world(scene)
         self._off = {key for key, on in simulated_motion.switches(scene) if not on}
         self._known = {o.session_uid for _, o in taking_part}
-        # Where nothing makes instances at first, nobody looks for instances later.
+        # A scene that has no instancers at first is swept without instances; any that appear later are reported.
         self._looks_for_makers = not participants.instancers(scene)
         self._keyable = _keyable(swept, place)
-        self._following: dict[str, list[float]] = {}  # of the samples of a chunk
+        self._following: dict[str, list[float]] = {}  # values of changed parameters at samples of the chunk
 
     def __enter__(self) -> Watch:
-        bpy.app.handlers.frame_change_post.append(self._note)  # the last: it sees the edits of the others
+        bpy.app.handlers.frame_change_post.append(self._note)  # last in the list, so it sees the edits of the others
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -146,7 +150,10 @@ class Watch:
             bpy.app.handlers.frame_change_post.remove(self._note)
 
     def _stay_last(self) -> None:
-        """See whether scripts were added behind this one, or took it out: it did not see their edits."""
+        """Move the watcher to the end of the list if it is not the last there.
+
+        It may then have missed edits by scripts, so all data count as edited.
+        """
         functions = bpy.app.handlers.frame_change_post
         if not functions or functions[-1] != self._note:
             self._all = True
@@ -165,7 +172,7 @@ class Watch:
             self._all |= any(o.session_uid in edited for o in wide)
 
     def look(self, depsgraph: bpy.types.Depsgraph, at_frame: float) -> None:
-        """Compare the current frame; it is the next sample of the chunk."""
+        """Check the current frame, the next sample of the chunk, for changes."""
         self._stay_last()
         frame = math.floor(at_frame)
         if frame != self._frame:
@@ -191,12 +198,15 @@ class Watch:
             values.append(self._value(key))
 
     def follow(self, chunk: Any) -> Any:
-        """Return a chunk of the samples since the last one with the changes in them, or before."""
+        """Return a chunk with the changed surfaces and parameters put in.
+
+        The chunk must hold exactly the samples that were looked at since the last call.
+        """
         absent = core.scene.tactile_scene.ABSENT
         surfaces, animated = dict(chunk.surfaces), dict(chunk.animated)
         for b, row in self._rows.items():
             self._tell_absence(b, [mesh is absent for mesh in row], chunk.frames)
-            if b in surfaces:  # it deforms with time too
+            if b in surfaces:  # the body deforms with time as well
                 own = surfaces[b]
                 surfaces[b] = tuple(absent if mine is absent else his for mine, his in zip(row, own, strict=True))
             else:
@@ -232,7 +242,7 @@ class Watch:
             if moved or stored != first.stored:
                 now = _settings(obj, stored, inside)
                 if not self._compare(obj, first, now, frame):
-                    self._settings[i] = at, now  # groups that were empty are there once somebody has read them
+                    self._settings[i] = at, now  # reading a group creates it empty, which changes no setting
         for obj in self._scene.objects:
             if obj.session_uid not in self._known and role_of(obj) != "NONE":
                 self._tell(f"object '{obj.name_full}'", "role", frame)
@@ -244,7 +254,7 @@ class Watch:
                 self._tell(_owner(uid), name or "rigid body world", frame)
 
     def _compare(self, obj: Any, first: _Settings, now: _Settings, frame: float) -> bool:
-        """Report settings that differ from the first ones; return whether any does."""
+        """Report settings that differ from the first ones; return whether any do."""
         changed = set(_differing(first.stored, now.stored))
         if first.content != now.content:
             changed.add("material.content_kind")
@@ -262,7 +272,10 @@ class Watch:
         return True
 
     def _value(self, key: str) -> float:
-        """Return a parameter of the object itself: Blender evaluates nothing because a script sets one of ours."""
+        """Return the present value of a parameter in SI, from the original object.
+
+        Blender does not evaluate an object anew when a script sets a property of the add-on.
+        """
         parameter = self._keyable[key]
         obj = participants.at_place(parameter.place, parameter.uid)
         return float(obj.dermis.path_resolve(parameter.path)) * parameter.factor
@@ -283,7 +296,10 @@ class Watch:
         )
 
     def _look_for_makers(self, depsgraph: bpy.types.Depsgraph, frame: float) -> None:
-        """Report objects that begin to show touchable instances: the bodies are listed before the first sample."""
+        """Report objects that begin to show touchable instances within the range.
+
+        Such instances are not felt, because bodies are listed before the first sample.
+        """
         shown = [(i.object.original, i.parent.original) for i in depsgraph.object_instances if i.is_instance]
         makers = {
             maker.name_full
@@ -304,7 +320,7 @@ class Watch:
             )
 
     def _tell_absence(self, b: int, gone: list[bool], frames: Array) -> None:
-        """Report, once, when a body is first not there."""
+        """Report the first frame at which a body is absent, once per body."""
         where = f"object '{self._names[b]}'"
         if not any(gone) or any((f.code, f.where) == ("absent", where) for f in self.findings):
             return
@@ -320,7 +336,7 @@ class Watch:
 
 
 def _hangs_on_others(obj: bpy.types.Object) -> bool:
-    """Return whether an object's shape depends on more than itself and its mesh."""
+    """Return whether a shape depends on more than its object and mesh."""
     return obj.type != "MESH" or len(obj.modifiers) > 0 or obj.data.shape_keys is not None
 
 
@@ -329,7 +345,11 @@ def _uid(data: bpy.types.ID | None) -> int:
 
 
 class _Keyable(NamedTuple):
-    """A parameter that is constant so far: of the object at a place in Blender's list, with its first value in SI."""
+    """A parameter that may change within a bake but is not animated.
+
+    `place` is the first index of its object in Blender's list, `path` is relative to `dermis`, `factor` converts to
+    SI, and `first` is its first value in SI.
+    """
 
     uid: int
     place: int
@@ -339,7 +359,7 @@ class _Keyable(NamedTuple):
 
 
 def _keyable(swept: Participants, place: Mapping[int, int]) -> dict[str, _Keyable]:
-    """Return the parameters that can change within a bake and are not animated, by their keys in a chunk."""
+    """Return the keyable parameters that are not animated, by chunk key."""
     out = {}
     for kind, entries in (("finger", swept.fingers), ("body", swept.bodies), ("screen", swept.screens)):
         for index, entry in enumerate(entries):
@@ -354,10 +374,11 @@ def _keyable(swept: Participants, place: Mapping[int, int]) -> dict[str, _Keyabl
 
 
 class _Settings(NamedTuple):
-    """Everything that is set of an object.
+    """All settings of an object.
 
     Attributes:
-        stored: below `dermis`, in nested groups. content: the names of its children, where these are its content.
+        stored: the values below `dermis`, in nested groups. content: the sorted names of its children where these are
+            its content, else None.
     """
 
     stored: dict[str, Any]
@@ -370,7 +391,10 @@ def _settings(obj: bpy.types.Object, stored: dict[str, Any], inside: Mapping[int
 
 
 def _children() -> dict[int, list[str]]:
-    """Return the names of all children by their parent's session uid; `Object.children` goes over all objects."""
+    """Return the names of all children by the session uid of their parent.
+
+    `Object.children` would go over all objects for each parent.
+    """
     out: dict[int, list[str]] = {}
     for obj in bpy.data.objects:
         if obj.parent is not None:

@@ -1,8 +1,9 @@
-"""The skins at hand: made once, shared by all fingers of the same size, kept on disk in the extension's user folder.
+"""Make, read and cache the models of skins.
 
-In a window a child process makes a skin that nobody has made before, a thread reads it from the disk, and whoever asked
-gets None until it is there. A child process also makes the table of a smooth pad, for lengths that no preset has: a
-preview goes on without it, a bake waits.
+A skin is made once, shared by all fingers of the same size, and kept on disk in the extension's user folder. With a
+window, a child process makes a new skin and a thread reads it from disk; until then callers get None. A child process
+also makes the table of a smooth pad for lengths that no preset has. A preview goes on without that table, a bake waits
+for it.
 """
 
 from __future__ import annotations
@@ -20,28 +21,28 @@ from .._core import DermisError, core
 from ..preferences import user_folder
 
 LIMIT_BYTES = 4_000_000_000
-PAD = "pad"  # in place of a level, and a job: the table of the smooth pad
-THIMBLE = "thimble"  # the same, of tables that a thimble is followed by on a skin
+PAD = "pad"  # stands for a level in a key, and names a job: the table of the smooth pad
+THIMBLE = "thimble"  # names a job: the tables with which a thimble follows a skin
 POLL = 0.1
 Key = tuple[str, frozenset[tuple[str, Any]]]  # a level, or a table's name, and the parameters that shape the skin
 
 
 class _Lawful(NamedTuple):
-    """A skin whose tissue follows the law, and the linear one that it was made of."""
+    """A skin whose tissue follows the law, and the linear skin it is made of."""
 
     linear: core.skin.model.SkinModel
     made: core.skin.model.SkinModel
 
 
 on_read: Callable[[core.skin.model.SkinModel], None] | None = None
-"""Called in the thread that reads a skin: `viewport/shown` hooks in what is drawn of it."""
+"""Function that the thread which reads a skin calls with it; `viewport/shown` sets it to prepare the drawing."""
 
 _models: core.recent.Recent[Key, core.skin.model.SkinModel] = core.recent.Recent(8)
 _making: dict[Key, core.work.executor.JobFuture] = {}
 _progress: dict[Key, float] = {}
 _failed: dict[Key, BaseException] = {}
 _lawful: core.recent.Recent[Key, _Lawful] = core.recent.Recent(8)
-_there: set[Key] = set()  # tables
+_there: set[Key] = set()  # keys of the tables that are known to exist
 
 
 def cache() -> core.cache.Cache:
@@ -50,12 +51,18 @@ def cache() -> core.cache.Cache:
 
 
 def one_thread() -> AbstractContextManager[Any]:
-    """Hold the BLAS of numpy and scipy at one thread: with more they fight over the cores, for 100 times the time."""
+    """Limit the BLAS of numpy and scipy to one thread.
+
+    With more threads they compete for the cores, and take up to 100 times as long.
+    """
     return core.skin.blas.one_thread()
 
 
 def solved_in(tactile: core.scene.tactile_scene.TactileScene, presets: core.presets.Library) -> bool:
-    """Return whether a sampled scene's rendering solves skins: they are shown, or drive a device."""
+    """Return whether rendering a sampled scene solves skins.
+
+    It does if a skin is shown, or if a device follows one.
+    """
     return any(_solved(finger, presets) for finger in tactile.fingers)
 
 
@@ -70,7 +77,7 @@ def _followed(finger: core.scene.tactile_scene.Finger, presets: core.presets.Lib
             if presets.device(key).follows_skin:
                 return True
         except DermisError:
-            continue  # rendering says why it is left out
+            continue  # rendering reports why the device is left out
     return False
 
 
@@ -90,7 +97,7 @@ def get(
     Args:
         skin: size and material in SI, as in a skin preset.
         tissue: 'linear' or 'neo_hookean'.
-        wait: make it now, however long it takes.
+        wait: make the model in this call, however long that takes.
 
     Raises:
         DermisError: a size that leaves no room for tissue, or a model that could not be made.
@@ -112,7 +119,7 @@ def get(
 
 
 def _read(key: Key, skin: Mapping[str, float], level: str, tissue: str, where: str) -> bool:
-    """Let a skin be made where it never was, and be read; return whether it is there."""
+    """Start to make or to read a skin; return whether it is in memory."""
     kept, core_skin = cache(), core.skin.model
     if not _finished(key) and not core_skin.is_kept(skin, level=level, cache=kept, where=where):
         _begin(key, skin, level)
@@ -147,20 +154,22 @@ def of(parameters: Mapping[str, Any], *, where: str = "skin", wait: bool = False
 
 
 def _by_law(key: Key, model: core.skin.model.SkinModel) -> core.skin.model.SkinModel:
-    """Return a skin whose tissue follows the law, the same as long as the linear skin is."""
+    """Return a skin whose tissue follows the law, cached for its linear skin."""
     kept = _lawful.get(key)
     if kept is not None and kept.linear is model:
         return kept.made
     if kept is None or kept.linear.mesh is not model.mesh:
         made = model.with_law()
-    else:  # of another stiffness: the parts made for its law serve on
+    else:  # only the stiffness differs: the parts made for the law are used again
         made = kept.made.with_material(young=model.material.young, alpha=model.material.alpha)
     _lawful[key] = _Lawful(model, made)
     return made
 
 
 def wants_pad(parameters: Mapping[str, Any]) -> bool:
-    """Return whether a finger's contact is to be solved on points of its smooth skin, whose table is not made yet.
+    """Return whether a finger needs a smooth pad's table that is not made yet.
+
+    It needs the table if its contact is solved on points of the smooth skin.
 
     Raises:
         DermisError: a size that leaves no room for tissue.
@@ -171,7 +180,10 @@ def wants_pad(parameters: Mapping[str, Any]) -> bool:
 
 
 def _unmade(skin: Mapping[str, Any], table: str, find: Callable[..., object | None]) -> bool:
-    """Return whether a table of a fingertip is not made yet, which is asked until it is."""
+    """Return whether a table of a fingertip is not made yet.
+
+    Every call searches the disk until the table is found.
+    """
     if "mesh" in skin or _key(skin, table) in _there:
         return False
     shape, material = core.skin.model.shape_and_material(skin)
@@ -183,23 +195,31 @@ def _unmade(skin: Mapping[str, Any], table: str, find: Callable[..., object | No
 
 
 def tables_there() -> int:
-    """Return how many tables are known to be there: where it rises, a skin may be another to devices."""
+    """Return the number of tables known to exist.
+
+    When it rises, devices may be matched on another form of a skin.
+    """
     return len(_there)
 
 
 def make_pad(skin: Mapping[str, float]) -> float | None:
-    """Let a child process make the table of a skin's smooth pad; return how far it is, None where that failed."""
+    """Let a child process make the table of a skin's smooth pad.
+
+    Returns the progress from 0 to 1; None if the table could not be made.
+    """
     return _made(skin, PAD)
 
 
 def make_followed(skin: Mapping[str, float], parameters: Mapping[str, Any]) -> float | None:
-    """Let a child process make the tables of a thimble on a skin; return how far it is.
+    """Let a child process make the tables of a thimble on a skin.
+
+    Returns the progress from 0 to 1; None when the tables are made.
 
     Args:
-        parameters: of the job but for the skin and its cache.
+        parameters: parameters of the job other than the skin and its cache.
 
     Raises:
-        DermisError: they could not be made; tried anew when it is asked for again.
+        DermisError: the tables could not be made; the next call tries again.
     """
     key = _key(skin, json.dumps([THIMBLE, parameters], sort_keys=True))
     if key in _failed:
@@ -224,10 +244,10 @@ def make_tables(
 ) -> Generator[core.pipeline.bake.Progress, None, None]:
     """Make the tables of skins that a bake will need; yield progress.
 
-    A table that cannot be made is left to the bake, which solves contact at the mesh's nodes, and says so.
+    Without a table that could not be made, the bake solves contact at the mesh's nodes and reports it.
 
     Args:
-        tried_on: names of fingers that devices are tried on, whatever they wear.
+        tried_on: names of fingers on which devices are tried; their tables are made whatever the fingers wear.
     """
     for finger in tactile.fingers:
         if finger.name in tried_on or _solved(finger, presets):
@@ -235,9 +255,9 @@ def make_tables(
 
 
 def tables_made(parameters: Mapping[str, Any]) -> Generator[core.pipeline.bake.Progress, None, None]:
-    """Make the table of a finger's skin that is wanted and not there, see `wants_pad`; yield progress.
+    """Make the table of a finger's skin if `wants_pad`; yield progress.
 
-    Closing the generator ends a child process that it began.
+    Closing the generator ends a child process that it started.
     """
     skin = parameters["skin"]
     try:
@@ -250,7 +270,7 @@ def tables_made(parameters: Mapping[str, Any]) -> Generator[core.pipeline.bake.P
     try:
         while (done := make_pad(skin)) is not None and done < 1.0:
             yield core.pipeline.bake.Progress("skin", round(100 * done), 100)
-            time.sleep(POLL / 5)  # nobody else waits meanwhile, and a timer may not run
+            time.sleep(POLL / 5)  # the timer may not run meanwhile, so `_tick` is called here
             _tick()
     finally:
         if mine and key in _making:
@@ -259,12 +279,15 @@ def tables_made(parameters: Mapping[str, Any]) -> Generator[core.pipeline.bake.P
 
 
 def progress(skin: Mapping[str, float], level: str) -> float | None:
-    """Return how far a skin that is being made has come, 0 to 1; None where it is not being made."""
+    """Return the progress of making a skin, 0 to 1; None if it is not begun."""
     return _progress.get(_key(skin, level))
 
 
 def forget() -> None:
-    """Drop the models from memory, and stop making others; those on disk stay."""
+    """Drop all models from memory, and cancel those being made.
+
+    Models on disk stay.
+    """
     for job in _making.values():
         job.cancel()
     _making.clear()
@@ -286,7 +309,10 @@ def _finished(key: Key) -> bool:
 
 
 def _begin(key: Key, skin: Mapping[str, float], level: str, told: Mapping[str, Any] | None = None) -> None:
-    """Let a child process put something into the cache, and look after it now and then."""
+    """Start a child process that puts a skin or table into the cache.
+
+    A timer polls its progress.
+    """
     if key in _making:
         return
     executor = core.work.processes.ProcessExecutor()
@@ -300,7 +326,7 @@ def _begin(key: Key, skin: Mapping[str, float], level: str, told: Mapping[str, A
 
 
 def _reread(key: Key) -> None:
-    """Forget the skins that a new table belongs to, so that a thread reads them again, and the table with them."""
+    """Drop the skins of a new table, so that a thread reads them with it."""
     level, geometry = key
     if level == PAD and redraw.watched():
         for other in [k for k in _models if k[1] == geometry]:
@@ -308,7 +334,7 @@ def _reread(key: Key) -> None:
 
 
 def _tick() -> float | None:
-    """Take in the messages of the child processes."""
+    """Read the progress and the results of the child processes."""
     for key, job in list(_making.items()):
         done, total = job.progress()
         _progress[key] = min(done / max(total, 1), 0.99)
@@ -319,5 +345,5 @@ def _tick() -> float | None:
             if (error := job.exception()) is not None:
                 _failed[key] = error
                 del _progress[key]
-    redraw.request()  # whoever waits says how far it is, or begins
+    redraw.request()  # views that wait show the progress, or begin
     return POLL if _making else None

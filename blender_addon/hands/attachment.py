@@ -1,4 +1,4 @@
-"""Fingers that hang on a hand's bones: their place, their size, and the objects that are made."""
+"""Attach fingers to the bones of a hand: place, size and new objects."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ PRESETS: Mapping[str, tuple[str, ...]] = {
     "ring": _INDEX,
     "little": ("little_medium",),
 }
-HUMAN = (0.25, 4.0)  # scale of presets: a hand beyond it is no person's, and units may be wrong
-POINTS = (0.5, 2.0)  # scale of presets at which points of the skin, 0.1 to 0.8 mm apart, are as fine as it wants
+HUMAN = (0.25, 4.0)  # scales of presets in a person's hand; beyond these, the units may be wrong
+POINTS = (0.5, 2.0)  # scales of presets for which points of the skin, 0.1 to 0.8 mm apart, are fine enough
 _LENGTHS = core.parameters.skin.LENGTHS
 _Values = Mapping[str, Any]  # of a skin preset, in SI
 
@@ -42,8 +42,8 @@ class Tip:
     """One finger to be attached.
 
     Attributes:
-        bone: that carries it. flip: its nail is to be on the other side than was found.
-        width: width of the finger [m]; 0 for the hand's.
+        bone: name of the bone that carries it. flip: put the nail on the opposite side to the one found.
+        width: width of the finger [m]; 0 for the width found from the hand.
     """
 
     finger: str
@@ -55,14 +55,15 @@ class Tip:
 def attach(
     context: bpy.types.Context, rig: Rig, hand: Hand, tips: Sequence[Tip], side: str
 ) -> tuple[list[bpy.types.Object], list[Finding], list[Fit]]:
-    """Put fingers on bones; return them, warnings about them, and how each fits.
+    """Put fingers on bones; return the fingers, warnings, and their fits.
 
     Args:
-        hand: which the tips are of; a tip whose bone the hand does not know takes the bones that carry it.
-        side: by which the fingers are called, 'L' or 'R'; '' for none.
+        hand: the hand of the tips. If a tip is not on the last bone of a chain of the hand, its chain is made of the
+            bones that carry it.
+        side: side in the names of the fingers, 'L' or 'R'; '' for none.
 
     Raises:
-        DermisError: a bone that is not there, or fingers of no size that a skin can have; nothing was made.
+        DermisError: a bone does not exist, or a finger's size is not one of a skin; nothing was made.
     """
     hand = replace(hand, chains={**hand.chains, **{tip.finger: _chain(rig, hand, tip) for tip in tips}})
     found, presets = rig.nails(hand), _presets()
@@ -88,12 +89,12 @@ def misses(fitted: Fit) -> bool:
 
 
 def told(fitted: Fit) -> str:
-    """Return in words how wide a finger is, and whether its pad lies on skin."""
+    """Return a text on the width of a finger, and whether its pad is on skin."""
     return f"{1e3 * fitted.width:.1f} mm wide, {where(fitted)}"
 
 
 def where(fitted: Fit) -> str:
-    """Return in words whether a pad lies on skin."""
+    """Return a text on whether a pad lies on skin."""
     if fitted.miss is None:
         return "no skin found"
     return f"{1e3 * fitted.miss:.1f} mm off the skin" if misses(fitted) else "on the skin"
@@ -123,7 +124,7 @@ def _chain(rig: Rig, hand: Hand, tip: Tip) -> Chain:
 def _fit(
     context: bpy.types.Context, rig: Rig, chain: Chain, tip: Tip, found: Nails, presets: Mapping[str, _Values]
 ) -> Fit:
-    """Return a tip's fit at rest."""
+    """Return the fit of a tip at rest."""
     nail = -found.directions[tip.finger] if tip.flip else found.directions[tip.finger]
     own = {key: presets[key] for key in PRESETS[tip.finger]}
     return fit(joints(rig.bones, chain), nail, rig.skin_of(chain), own, metres_per_unit(context.scene), tip.width)
@@ -135,12 +136,12 @@ def _presets() -> dict[str, _Values]:
 
 
 def _scaled(preset: _Values, fitted: Fit) -> dict[str, Any]:
-    """Return a preset's values with all lengths scaled alike."""
+    """Return a preset's values with all lengths scaled by the same factor."""
     return {name: value * (fitted.scale if name in _LENGTHS else 1.0) for name, value in preset.items()}
 
 
 def _judge(rig: Rig, tip: Tip, values: _Values) -> None:
-    """Refuse lengths that no skin can be made of."""
+    """Raise a `DermisError` for lengths that a skin cannot have."""
     lengths = [values[name] for name in _LENGTHS]
     row = _LENGTHS["length"]
     if max(lengths) > row.high or min(lengths) < row.low:
@@ -155,7 +156,10 @@ def _judge(rig: Rig, tip: Tip, values: _Values) -> None:
 
 
 def _make(context: bpy.types.Context, name: str, values: _Values, preset: str) -> bpy.types.Object:
-    """Return a new finger with a fingertip of its skin's lengths, linked nowhere yet."""
+    """Return a new finger whose fingertip has its skin's lengths.
+
+    It is not linked to a collection yet.
+    """
     data = fingertip_mesh.mesh(metres_per_unit(context.scene), fingertip_mesh.Lengths.of(values))
     obj = bpy.data.objects.new(name, data)
     obj.dermis.role = "FINGER"
@@ -166,7 +170,10 @@ def _make(context: bpy.types.Context, name: str, values: _Values, preset: str) -
 
 
 def _hang(rig: Rig, obj: bpy.types.Object, bone: str, fitted: Fit) -> None:
-    """Hang a finger on a bone, where the bone's pose takes it; its own scale stays 1, whatever the armature's is."""
+    """Parent a finger to a bone, at the place that the bone's pose gives it.
+
+    Its world scale is 1 for any scale of the armature.
+    """
     moved = rig.move(bone)
     world = np.eye(4)
     world[:3, :3] = rotation(moved) @ fitted.axes
@@ -180,7 +187,10 @@ def _hang(rig: Rig, obj: bpy.types.Object, bone: str, fitted: Fit) -> None:
 
 
 def _collection(context: bpy.types.Context, armature: bpy.types.Object) -> bpy.types.Collection:
-    """Return a collection of this scene's that the armature is in and that can be changed, else the active one."""
+    """Return an editable collection of the scene with the armature in it.
+
+    If there is none, return the active collection.
+    """
     whole = context.scene.collection
     own = [c for c in (whole, *whole.children_recursive) if c.library is None and armature.name in c.objects]
     return own[0] if own else context.collection

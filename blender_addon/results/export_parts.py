@@ -1,4 +1,7 @@
-"""Parts of a bake as files: the whole of it, the preview range, from marker to marker, or an action's frames."""
+"""Write parts of a bake to files.
+
+A part is the whole bake, the preview range, the range from one marker to the next, or the frames of an action.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ NO_SETTINGS: Mapping[str, Any] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Part:
-    """A track, whole or cut, and the file that it shall go to."""
+    """A track, whole or cut, and the file that it will be written to."""
 
     path: Path
     track: Any
@@ -37,12 +40,13 @@ def write(
     finger: str | None = None,
     force: bool = False,
 ) -> tuple[list[Path], list[Any]]:
-    """Write a file for each output and each range; return the files and their findings.
+    """Write a file for each output and range; return files and findings.
 
     Args:
-        form: of `core.track.formats.FORMATS`. active: whose action 'ACTION' means.
+        form: key of the format in `core.track.formats.FORMATS`.
+        active: the object whose action is the range 'ACTION'.
         span: 'ALL', 'PREVIEW', 'MARKERS' or 'ACTION'.
-        finger: this one only; None: all.
+        finger: name of the only finger to write; None for all.
 
     Raises:
         DermisError: see `plan` and `write_parts`.
@@ -64,13 +68,16 @@ def plan(
     prefix: str = "",
     names: Any = None,
 ) -> tuple[list[Part], list[Any]]:
-    """Cut the ranges out of the tracks and name their files, before the first is written; report omitted parts.
+    """Cut the ranges out of the tracks and name their files.
+
+    Nothing is written. Findings report the parts that are left out.
 
     Args:
-        prefix: of the names, such as the scene's, safe. names: the export's `FileNames`, where it has several scenes.
+        prefix: first part of the file names, such as the scene's name; it must be safe in a file name.
+        names: the `FileNames` that several scenes of one export share; None for an own one.
 
     Raises:
-        DermisError: no such range, one beyond the bake, or none in which a sample lies.
+        DermisError: there is no such range, it reaches beyond the bake, or no sample lies in any range.
     """
     names = names or core.track.file_names.FileNames()
     suffix = core.track.export.format_of(form).suffix
@@ -112,7 +119,10 @@ def plan(
 
 
 def settings_of(scene: bpy.types.Scene, form: str) -> dict[str, Any]:
-    """Return a scene's settings of a format, in SI; a format that has some finds them in the group of its name."""
+    """Return a scene's settings of a format, in SI.
+
+    They are kept in the property group that has the name of the format.
+    """
     table = core.track.export.format_of(form).settings
     return fields.values(getattr(scene.dermis, form), table) if table else {}
 
@@ -120,13 +130,15 @@ def settings_of(scene: bpy.types.Scene, form: str) -> dict[str, Any]:
 def write_parts(
     parts: Sequence[Part], form: str, *, force: bool = False, settings: Mapping[str, Any] = NO_SETTINGS
 ) -> tuple[list[Path], list[Any]]:
-    """Write parts, each on its own: one that is refused leads to a finding, and the others are written all the same.
+    """Write parts, each to its own file; return the files and findings.
+
+    A part that is refused gives a finding, and the others are still written.
 
     Args:
         settings: settings of the format, see `settings_of`.
 
     Raises:
-        DermisError: every one is refused; the first one's reason.
+        DermisError: every part is refused; the error is that of the first.
     """
     written: list[Path] = []
     found: list[Any] = []
@@ -148,9 +160,10 @@ def write_parts(
 def ranges(
     scene: bpy.types.Scene, result: Any, span: str, active: bpy.types.Object | None
 ) -> list[tuple[str, float, float]]:
-    """Return name, first and last frame of every range asked for; a name of '' is the whole bake.
+    """Return name, first and last frame of every range.
 
-    Markers without a name are named by their frame as Blender does; no name is there twice.
+    The name '' stands for the whole bake. A marker without a name is named by its frame, as in Blender. Repeated marker
+    names are numbered, so that every range of markers has its own name.
 
     Raises:
         DermisError: the scene has no such range.
@@ -181,7 +194,10 @@ def ranges(
 
 
 def last_frame(result: Any) -> float:
-    """Return the frame at which a bake ends; its tracks end at their last whole sample, at or just before it."""
+    """Return the frame at which a bake ends.
+
+    Its tracks end at their last whole sample, at this frame or just before it.
+    """
     reached = [result.clock.frames(o.track.duration) for o in result.bake.outputs]
     for output in result.bake.outputs:
         words = output.track.meta.get("frame_range", "").split()

@@ -1,7 +1,7 @@
-"""Whose a bake is: fingers and devices by their identities, and their present names.
+"""Find the owners of a bake: its fingers and devices, by their identities.
 
-A bake names fingers as they were called when it was made. Everybody else sees it with their names of now: a track whose
-finger is gone from the scene is not seen, and no other object gets it, whatever that is called.
+A bake names fingers as they were called when it was made. All readers of a result get it with the present names. A
+track whose finger has left the scene is left out. No other object gets it, whatever the name of that object is.
 """
 
 from __future__ import annotations
@@ -24,21 +24,26 @@ NOBODY = Device("", "")
 
 
 class Owner(NamedTuple):
-    """A finger: its identity, and preset and identity of each of its devices that is switched on, in their order."""
+    """A finger of a bake.
+
+    `devices` has the preset and the identity of each enabled device, in their order.
+    """
 
     identity: str
     devices: tuple[tuple[str, str], ...]
 
 
 Owners = Mapping[str, Owner]
-"""By the fingers' names at the time."""
+"""The owners of a bake, by the names of the fingers when it was made."""
 
 
 def of(scene: bpy.types.Scene, names: Sequence[str] | None = None) -> dict[str, Owner]:
-    """Return the fingers of a scene as owners of a bake; each is given an identity.
+    """Return the fingers of a scene as owners of a bake.
+
+    Each finger is given an identity if it has none.
 
     Args:
-        names: of these only.
+        names: names of the fingers to return; None for all.
     """
     found = {}
     for obj in identity.fingers(scene):
@@ -49,15 +54,15 @@ def of(scene: bpy.types.Scene, names: Sequence[str] | None = None) -> dict[str, 
 
 
 def dumps(owners: Owners) -> str:
-    """Return owners as a text, to be kept in the .blend."""
+    """Return owners as a text that is kept in the .blend."""
     return json.dumps({name: [owner.identity, [list(d) for d in owner.devices]] for name, owner in owners.items()})
 
 
 def loads(text: str) -> dict[str, Owner]:
-    """Return the owners that a text names; none where it is empty.
+    """Return the owners that a text of `dumps` names; none if it is empty.
 
     Raises:
-        DermisError: it is not such a text.
+        DermisError: the text is not one of `dumps`.
     """
     if not text:
         return {}
@@ -73,7 +78,10 @@ def loads(text: str) -> dict[str, Owner]:
 
 
 def whose(owners: Owners, outputs: Sequence[Any]) -> tuple[Device, ...]:
-    """Return the device that each output of a bake belongs to; one preset's devices are told apart by their order."""
+    """Return the device that each output of a bake belongs to.
+
+    Several devices of one preset on a finger are distinguished by their order.
+    """
     found: list[Device] = []
     taken: dict[tuple[str, str], int] = {}
     count = Counter((output.finger, output.device) for output in outputs)
@@ -84,16 +92,16 @@ def whose(owners: Owners, outputs: Sequence[Any]) -> tuple[Device, ...]:
             continue
         same = [device for preset, device in owner.devices if preset == output.device]
         nth = taken[key] = taken.get(key, -1) + 1
-        # where one of several could not be rendered, nobody can say which: then each belongs to the finger alone
+        # If one of several such devices was not rendered, the outputs cannot be assigned: they get no device identity.
         found.append(Device(owner.identity, same[nth] if len(same) == count[key] else ""))
     return tuple(found)
 
 
 class RenamedSkins(Mapping[str, Any]):
-    """The skins of a bake by other names, read when they are first asked for.
+    """The skins of a bake by other names, read when they are first needed.
 
     Args:
-        skins: of the bake. names: the bake's name of each skin, by its name now.
+        skins: the skins of the bake. names: the name of each skin in the bake, by its present name.
     """
 
     def __init__(self, skins: Mapping[str, Any], names: Mapping[str, str]) -> None:
@@ -110,14 +118,14 @@ class RenamedSkins(Mapping[str, Any]):
 
     @property
     def forces(self) -> dict[str, tuple[Any, Any]]:
-        """Times [s] and normal forces [N] of every skin; none is read for it."""
+        """Times [s] and normal forces [N] of every skin, without reading a skin."""
         found = stored_skins.forces_of(self.skins)
         return {now: found[then] for now, then in self.names.items() if then in found}
 
 
 @dataclass
 class _View:
-    """A result as it is called now, and what that depends on."""
+    """A result with present names, and the state that these depend on."""
 
     result: Any
     seen: Any
@@ -126,7 +134,7 @@ class _View:
     looked: tuple[int, int, int]
 
     def holds(self, result: Any, scene: bpy.types.Scene) -> bool:
-        """Return whether everybody is there, and called the same."""
+        """Return whether the result and the names of its fingers are the same."""
         if self.result is not result or (self.missing and self.looked != _looked()):
             return False
         objects = ((place, place.finger(scene)) for place in self.places)
@@ -137,7 +145,10 @@ _views: dict[int, _View] = {}  # by the scene's session uid
 
 
 def as_now(scene: bpy.types.Scene, result: Any) -> Any:
-    """Return a stored `Result` with the names of now; the same one for as long as they are the same."""
+    """Return a `Result` with present names.
+
+    It is the same object while these names are the same.
+    """
     view = _views.get(scene.session_uid)
     if view is None or not view.holds(result, scene):
         view = _views[scene.session_uid] = _seen(scene, result)
@@ -158,7 +169,7 @@ def _seen(scene: bpy.types.Scene, result: Any) -> _View:
     found = {name: by_identity.get(owner.identity) for name, owner in result.owners.items()}
     objects = {name: obj for name, obj in found.items() if obj is not None}
     now = {name: obj.name_full for name, obj in objects.items()}
-    bake, skins = result.bake, list(stored_skins.forces_of(result.bake.skins))  # whose forces alone are read
+    bake, skins = result.bake, list(stored_skins.forces_of(result.bake.skins))  # the names; no skin is read
     seen = result
     if any(now.get(name) != name for name in (*skins, *(output.finger for output in bake.outputs))):
         there = [i for i, output in enumerate(bake.outputs) if output.finger in now]
@@ -182,7 +193,7 @@ def inputs_now(result: Any) -> dict[str, dict[str, str]]:
     """Return the hashes of a result's inputs, with present names."""
     now = {}
     for then in result.owners if result.names else ():
-        gone = f"finger '{then}', as it was called then,"  # somebody else may be called so by now
+        gone = f"finger '{then}', as it was called then,"  # another finger may have this name now
         now[f"finger '{then}'"] = f"finger '{result.names[then]}'" if then in result.names else gone
     return {now.get(name, name): dict(aspects) for name, aspects in result.bake.inputs.items()}
 

@@ -1,9 +1,9 @@
-"""Reads instances: the evaluated geometry and the place of each, as Blender's dependency graph lists them.
+"""Read the geometry and the place of instances from the dependency graph.
 
-An instance belongs to the innermost touchable object that it is part of. Where that is an object of its own, in a
-collection or among the nodes, each instance of it is a body. All else that a touchable object shows is its own surface,
-together with its mesh: whether instances are realized makes no difference. Particles move one by one, so each is a
-body as well, of the object that emits it.
+An instance belongs to the innermost touchable object that it is part of. If that is a separate object, in a collection
+or among geometry nodes, each instance of it is a body. All other instances that a touchable object shows are, together
+with its mesh, its own surface, so it makes no difference whether instances are realized. Particles move independently,
+so each particle is a body as well; it has the material of its emitter.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ class Shown(NamedTuple):
     """The geometry and places of instances at a moment.
 
     Attributes:
-        surfaces: in its own space, of each instance that is a body, and by session uid of each object that shows
-            instances as its own surface; None where it shows nothing.
-        places: of the instances that are bodies, to the world [scene units], shape (4, 4) each.
+        surfaces: the surface of each instance that is a body, by its key, and of each object that shows instances as
+            its own surface, by its session uid. It is in the body's own space, and None where nothing is shown.
+        places: matrices to the world [scene units] of the instances that are bodies, shape (4, 4) each.
         materials: session uid of the object whose material an instance has.
-        unfelt: geometry without faces.
+        unfelt: geometry without faces, which cannot be felt.
     """
 
     surfaces: dict[Hashable, Geometry | None]
@@ -47,7 +47,7 @@ class Shown(NamedTuple):
 
 @dataclass
 class _Object:
-    """The properties of an evaluated object, looked up once a reading."""
+    """The properties of an evaluated object, looked up once per reading."""
 
     uid: int
     role: str
@@ -62,35 +62,38 @@ class _Object:
 
 @dataclass
 class _Body:
-    """The shown pieces of a body: for each geometry, the ids of its pieces and the numbers of their matrices."""
+    """The shown pieces of a body.
+
+    `pieces` has, for each geometry, the ids of its pieces and the indices of their matrices.
+    """
 
     ids: tuple[int, ...] = ()
     shown: _Object | None = None
     place: int = -1
     material: int = 0
-    others: bool = False  # some of it is another object's
+    others: bool = False  # whether some of its pieces are instances of another object
     pieces: dict[int, tuple[list[tuple[int, ...]], list[int]]] = field(default_factory=dict)
 
 
 class InstanceReader:
-    """Reads the geometry of instances, and hands out the same object while nothing of it changes.
+    """Reader of instances; unchanged geometry is the same object.
 
     Args:
-        meshes: reads the surfaces. changes: says when a frame need not be read again.
+        meshes: reads the surfaces. changes: shows when a frame need not be read again.
     """
 
     def __init__(self, meshes: MeshReader, changes: ChangesSeen | None = None) -> None:
         self._meshes = meshes
         self._changes = ChangesSeen() if changes is None else changes
         self._joined: dict[Hashable, Joined] = {}
-        self._showing: set[int] = set()  # objects that were seen to show more, or less, than their own mesh
+        self._showing: set[int] = set()  # objects that have shown more, or less, than their own mesh at some time
         self._relevant: set[int] = set()
         self._last: Shown | None = None
         self._at_once = False
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """Read once at most meanwhile: it all happens at one moment."""
+        """Read instances at most once inside the context: its time is one moment."""
         self._last, self._at_once = None, True
         try:
             yield
@@ -98,7 +101,10 @@ class InstanceReader:
             self._at_once = False
 
     def read(self, depsgraph: bpy.types.Depsgraph) -> Shown:
-        """Return the instances shown now: the `Shown` that was returned last where nothing of it can have changed."""
+        """Return the instances shown now.
+
+        It is the last `Shown` again if nothing of it can have changed.
+        """
         if self._last is None or not (self._at_once or not self._changes.any_of(self._relevant)):
             self._last = self._read(depsgraph)
         return self._last
@@ -200,7 +206,7 @@ class InstanceReader:
             known, itself = own.get(uid, (None, False))
             body = objects.get(uid, _Body())
             known = body.shown if known is None else known
-            assert known is not None  # it is there itself, or it shows something
+            assert known is not None  # the object is listed itself, or it shows something
             place = np.array(known.evaluated.matrix_world, np.float64)
             pieces = _pieces(body, geometries, places)
             itself = itself and known.evaluated.type == "MESH"
@@ -239,7 +245,7 @@ class InstanceReader:
 def _opened(
     bodies: dict[InstanceKey, _Body], maker: _Object, shown: _Object, ids: tuple[int, ...], number: int, material: int
 ) -> _Body:
-    """Begin a body of its own; ids that are not unique are told apart by their order."""
+    """Begin a separate body; a counter makes its ids unique if they are not."""
     key = InstanceKey(maker.uid, shown.uid, ids)
     again = 0
     while key in bodies:
@@ -250,7 +256,10 @@ def _opened(
 
 
 def _is_part(ids: tuple[int, ...], whole: tuple[int, ...]) -> bool:
-    """Return whether an instance is part of another one: Blender puts the numbers of inner levels in front."""
+    """Return whether an instance is part of another one.
+
+    Blender puts the numbers of inner levels first, so the ids of the whole are the last ids of its part.
+    """
     return len(ids) > len(whole) and ids[len(ids) - len(whole) :] == whole
 
 

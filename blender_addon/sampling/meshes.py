@@ -1,4 +1,7 @@
-"""Evaluated surfaces: read fast, in metres, and the same object again where nothing changed."""
+"""Read evaluated surfaces in metres.
+
+An unchanged surface is returned as the same object.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +26,11 @@ SURFACE_TYPES = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 
 
 class EvaluatedMesh:
-    """A context that gives the mesh of an evaluated object of any type that has one; None for the others.
+    """Context manager of the mesh of an evaluated object.
 
-    A mesh in edit mode keeps no arrays, and a curve has no mesh at all: for those Blender makes one, freed here.
-    It is entered for every sample, and a generator would take five times as long.
+    It gives None for objects of a type without a surface. A mesh in edit mode has no arrays, and a curve has no mesh at
+    all: Blender makes a mesh of them, which is freed on exit. The context is entered at every sample; as a generator
+    it would take five times as long.
     """
 
     def __init__(self, evaluated: bpy.types.Object) -> None:
@@ -54,10 +58,13 @@ def positions(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
 
 
 def vertices_of(evaluated: bpy.types.Object) -> NDArray[np.float32]:
-    """Return the vertex positions of an evaluated object of any type in scene units, shape (V, 3)."""
+    """Return vertex positions of an evaluated object of any type.
+
+    They are in scene units, shape (V, 3).
+    """
     data = evaluated.data
     layer = data.attributes.get("position") if isinstance(data, bpy.types.Mesh) else None
-    if layer is not None:  # as at nearly every sample
+    if layer is not None:  # the usual case
         return _vectors(layer.data)
     with EvaluatedMesh(evaluated) as mesh:
         return np.empty((0, 3), np.float32) if mesh is None else positions(mesh)
@@ -69,7 +76,10 @@ def triangles(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
 
 
 def normals(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
-    """Return the normals that Blender shades face corners with: smooth, flat, sharp or custom, shape (loops, 3)."""
+    """Return the normals that Blender shades face corners with.
+
+    Their shape is (loops, 3). They may be smooth, flat, sharp or custom.
+    """
     out = np.empty((len(mesh.loops), 3), np.float32)
     mesh.corner_normals.foreach_get("vector", out.ravel())
     return out
@@ -77,7 +87,7 @@ def normals(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, eq=False)
 class Topology:
-    """The triangles of a surface; the same object while they stay.
+    """The triangles of a surface; the same object while they do not change.
 
     Attributes:
         faces: shape (T, 3).
@@ -89,19 +99,21 @@ class Topology:
 
     @cached_property
     def reflected(self) -> NDArray[np.int32]:
-        """The triangles in the other sense, for vertices that were reflected."""
+        """The triangles in the opposite orientation, for reflected vertices."""
         return np.ascontiguousarray(self.faces[:, ::-1])
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """A surface as Blender evaluated it, in scene units; the same object while nothing of it changes.
+    """A surface as Blender evaluated it, in scene units.
+
+    It is the same object while nothing of it changes.
 
     Attributes:
         positions: positions of the vertices, shape (V, 3).
         topology: the triangles.
-        normals: that Blender shades the triangles' corners with, shape (T, 3, 3); None where nobody asked.
-        smooth: some of it shades smooth; False where nobody asked.
+        normals: the normals that Blender shades the triangles' corners with, shape (T, 3, 3); None if not read.
+        smooth: whether some of its faces shade smooth; False if normals were not read.
         made: the surfaces in metres that were made of it, see `MeshReader.surface`.
     """
 
@@ -114,7 +126,10 @@ class Geometry:
 
 @dataclass(eq=False)
 class _Form:
-    """The faces of a mesh: while counts of vertices, corners and faces and the form stay, so do they."""
+    """The faces of a mesh.
+
+    They are unchanged while the counts of vertices, corners and faces, and the bytes `form`, are.
+    """
 
     counts: tuple[int, int, int]
     form: bytes
@@ -125,8 +140,8 @@ class Look(NamedTuple):
     """The data read from a mesh at a moment.
 
     Attributes:
-        positions: as those of a `Geometry`. form: its faces; the same object while they stay.
-        normals: that Blender shades face corners with, shape (loops, 3); None where nobody asked.
+        positions: as those of a `Geometry`. form: its faces; the same object while they do not change.
+        normals: the normals that Blender shades face corners with, shape (loops, 3); None if not read.
         smooth: as that of a `Geometry`.
     """
 
@@ -138,9 +153,10 @@ class Look(NamedTuple):
 
 
 class MeshReader:
-    """Reads surfaces and hands out the same `Mesh` while positions stay, and the same triangles while Blender's do.
+    """Reader of evaluated surfaces.
 
-    Objects are looked at while they are evaluated. Geometries of many looks are made at once, which is faster.
+    It returns the same `Mesh` while positions do not change, and the same triangles while Blender's do not. A `Look` is
+    read while the object is evaluated. Geometries can be made of many looks at once, which is faster.
     """
 
     def __init__(self) -> None:
@@ -150,20 +166,20 @@ class MeshReader:
         """Forget every surface."""
         self._forms: dict[Hashable, _Form] = {}
         self._last: dict[Hashable, tuple[_Form, Geometry]] = {}
-        self._buffer = np.empty(0, np.int32)  # new memory would take longer than all of the comparison
+        self._buffer = np.empty(0, np.int32)  # kept, because new memory would take longer than the whole comparison
 
     def read(
         self, evaluated: bpy.types.Object, unit: float, mirrored: bool = False, tolerance: float | None = None
     ) -> Any:
-        """Return the evaluated surface of an object in its own space, see `surface`."""
+        """Return an evaluated object's surface in its own space, see `surface`."""
         geometry = self.geometry_of(evaluated, tolerance is not None)
         return self.surface(geometry, unit, mirrored, tolerance)
 
     def geometry_of(self, evaluated: bpy.types.Object, shaded: bool) -> Geometry | None:
-        """Return the evaluated geometry of an object; None where its type has no surface.
+        """Return an object's evaluated geometry; None if its type has no surface.
 
         Args:
-            shaded: with the normals that it is shaded with.
+            shaded: whether to read the normals that it is shaded with.
         """
         with EvaluatedMesh(evaluated) as mesh:
             if mesh is None:
@@ -171,19 +187,24 @@ class MeshReader:
             return self.geometry(evaluated.original.session_uid, mesh, shaded)  # evaluated copies all have uid 0
 
     def look(self, evaluated: bpy.types.Object, shaded: bool) -> Look | None:
-        """Return the look from which `geometries` makes the `geometry_of` an object."""
+        """Return the look from which `geometries` makes an object's geometry."""
         with EvaluatedMesh(evaluated) as mesh:
             return None if mesh is None else self._look(evaluated.original.session_uid, mesh, shaded)
 
     def geometry(self, key: Hashable, mesh: bpy.types.Mesh, shaded: bool) -> Geometry:
-        """Return the geometry of an evaluated mesh: the last `Geometry` of this key, where nothing changed."""
+        """Return the geometry of an evaluated mesh.
+
+        It is the last `Geometry` of this key if nothing has changed.
+        """
         return self.geometries([self._look(key, mesh, shaded)], mesh)[0]
 
     def geometries(self, looks: Sequence[Look], mesh: bpy.types.Mesh | None = None) -> list[Geometry]:
-        """Return the geometries of one object, in the order of the looks: the same `Geometry` while nothing changes.
+        """Return the geometries of one object, in the order of the looks.
+
+        It is the same `Geometry` while nothing changes.
 
         Args:
-            mesh: that was looked at, where it was just now.
+            mesh: the mesh of the only look, if it is still evaluated; without it, a mesh is made where one is needed.
         """
         out = []
         for form, same in groupby(looks, key=attrgetter("form")):
@@ -217,11 +238,11 @@ class MeshReader:
         return Look(key, raw, last, None, False)
 
     def _form(self, mesh: bpy.types.Mesh, corners: int, polygons: int) -> bytes:
-        """Return bytes that identify the faces of a mesh; they begin with the vertices of the face corners.
+        """Return bytes that identify the faces of a mesh.
 
-        Face corners in a row may be faces of 3 and 5 or of 5 and 3 corners. The edge of each face's last corner leads
-        back to its first one, so the edges tell where faces end. Blender hands these out in microseconds, and the
-        faces' sizes 300 times as slowly.
+        They begin with the vertices of the face corners. The same corners may belong to a triangle and a pentagon, or
+        to a pentagon and a triangle. The edge of a face's last corner leads back to its first corner, so the edges show
+        where faces end. Blender returns the edges in microseconds, but takes 300 times as long for the sizes of faces.
         """
         layers = list(map(mesh.attributes.get, _FORM[: 1 if corners == 3 * polygons else 3]))
         if None in layers:
@@ -244,17 +265,20 @@ class MeshReader:
         """Return a surface in its own space.
 
         Args:
-            geometry: None where there is none.
-            unit: metres in a scene unit.
-            mirrored: reflect X, for objects of negative scale, whose matrices lose the reflection in turn.
-            tolerance: how far it may be off the curved surface that its shading shows [m]; None for its flat faces.
+            geometry: the geometry; None gives an empty surface.
+            unit: [m] length of a scene unit.
+            mirrored: reflect X, for objects of negative scale; the reflection is taken out of their matrices.
+            tolerance: [m] largest distance from the curved surface that the shading shows; None for flat faces.
         """
         return self._surface(geometry, unit, mirrored, tolerance)[0]
 
     def curved(
         self, geometry: Geometry | None, unit: float, mirrored: bool = False, tolerance: float | None = None
     ) -> Any | None:
-        """Return the `CurvedMesh` that the `surface` of the same arguments is of; None where it is flat."""
+        """Return the `CurvedMesh` behind the `surface` of the same arguments.
+
+        It is None if that surface is flat.
+        """
         return self._surface(geometry, unit, mirrored, tolerance)[1]
 
     def _surface(
@@ -288,7 +312,7 @@ class MeshReader:
 
 
 def _same(known: Geometry, places: NDArray[np.float32], topology: Topology, shown: NDArray[np.float32] | None) -> bool:
-    """Return whether a surface is unchanged; its normals do not matter where nobody asks for them."""
+    """Return whether a surface is unchanged; normals count only where read."""
     return (
         known.topology is topology
         and bool((known.positions == places).all())
@@ -307,13 +331,13 @@ def to_metres(raw: NDArray[Any], unit: float, mirrored: bool) -> NDArray[np.floa
 
 
 def zero_area_finding(mesh: Any, name: str) -> Any | None:
-    """Report faces without area, which cannot tell where outside is."""
+    """Report faces without area: these have no outside."""
     a, b, c = (mesh.vertices[mesh.triangles[:, i]] for i in range(3))
     longest = np.max(
         [np.linalg.norm(b - a, axis=1), np.linalg.norm(c - b, axis=1), np.linalg.norm(a - c, axis=1)], axis=0
     )
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    # Against the square of the longest edge, a face this thin is a line in single precision.
+    # A face whose doubled area is this small against its longest edge squared is a line in single precision.
     bad = area <= 1e-7 * longest**2
     if not bad.any():
         return None

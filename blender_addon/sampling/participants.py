@@ -1,6 +1,7 @@
-"""Who takes part in a sweep: fingers, things to touch and screens, by session uid and never by pointer.
+"""List the participants of a sweep: fingers, things to touch and screens.
 
-They are listed at one frame, for the whole sweep; their order is the order in the engine's header and chunks.
+They are known by session uid, never by pointer. They are listed at one frame for the whole sweep, in the order of the
+engine's header and chunks.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from .. import compat, identity
 from .._core import Finding, core
 from ..properties import object_properties
 
-UNSCALED = 0.01  # how far the scale of a finger may be from 1
-_NAMED = 4  # objects that one finding names
+UNSCALED = 0.01  # [-] largest distance of a finger's scale from 1 that is not reported
+_NAMED = 4  # number of objects that one finding names at most
 
 
 class InstanceKey(NamedTuple):
@@ -34,14 +35,14 @@ class Entry:
     Attributes:
         uid: session uid of the object; of an instance, that of the object whose material it has.
         instance: set for instances that are bodies of their own.
-        shows_instances: they are its own surface, or may hide that.
-        mirrored: its matrix reflects; the reflection moves from matrix to mesh.
+        shows_instances: it may show instances as its own surface, or hide its surface.
+        mirrored: its matrix reflects; the reflection is moved from the matrix to the mesh.
         deforming: its surface depends on time.
-        simulated: it hangs on a simulation and is swept at whole frames.
-        blinking: it comes or goes within the range.
-        stretch: the most that its pose stretches it by, over the range.
-        drawn: a finger that has a mesh, whose size people see.
-        curved: how far its surface may be off the curved one that its shading shows [m]; None where it stays flat.
+        simulated: it depends on a simulation and is swept at whole frames.
+        blinking: it may appear or vanish within the range.
+        stretch: the largest factor by which its pose stretches it in the range.
+        drawn: it is a finger with a mesh, whose size is visible.
+        curved: [m] largest distance of its surface from the curved one that its shading shows; None for flat faces.
     """
 
     name: str
@@ -60,7 +61,7 @@ class Entry:
 
     @property
     def shown_as(self) -> Any:
-        """The key of its shown instances, see `instances.Shown`; None where its surface is its mesh."""
+        """The key of its instances in `instances.Shown`; None without instances."""
         return self.instance or (self.uid if self.shows_instances else None)
 
 
@@ -88,7 +89,10 @@ def role_of(obj: bpy.types.Object) -> str:
 
 
 def is_disabled(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
-    """Return whether Blender leaves an object out of evaluation; hiding it with the eye does not do that."""
+    """Return whether Blender leaves an object out of evaluation.
+
+    An object that is hidden with the eye is still evaluated.
+    """
     if not identity.is_in_layer(obj, view_layer):
         return True
     shown = obj.visible_get(view_layer=view_layer) or obj.hide_get(view_layer=view_layer)
@@ -98,10 +102,12 @@ def is_disabled(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> bool:
 def taking_part(
     scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, findings: list[Any], *, scripted: bool = False
 ) -> list[bpy.types.Object]:
-    """Return the scene's objects with a role, in order of name; report those that are disabled.
+    """Return the scene's objects with a role, in order of name.
+
+    Disabled objects are left out and reported, unless they may be enabled later.
 
     Args:
-        scripted: scripts run at changes of the frame, and may enable touchable objects later.
+        scripted: whether scripts run when the frame changes; they may enable touchable objects later.
     """
     found = []
     for obj in sorted(scene.objects, key=lambda o: o.name_full):
@@ -124,7 +130,7 @@ def taking_part(
 
 
 def instancers(scene: bpy.types.Scene) -> frozenset[int]:
-    """Return the session uids of the objects that can make instances in a scene."""
+    """Return session uids of the objects of a scene that can make instances."""
     return frozenset(
         o.session_uid
         for o in scene.objects
@@ -133,7 +139,10 @@ def instancers(scene: bpy.types.Scene) -> frozenset[int]:
 
 
 def in_instances(depsgraph: bpy.types.Depsgraph, role: str) -> list[str]:
-    """Return the names of objects with a role that instances show, such as the fingers of a linked hand."""
+    """Return the names of objects with a role that are shown as instances.
+
+    The fingers of a linked hand are an example.
+    """
     return sorted(
         {
             i.object.original.name_full
@@ -144,7 +153,10 @@ def in_instances(depsgraph: bpy.types.Depsgraph, role: str) -> list[str]:
 
 
 def in_background_sets(scene: bpy.types.Scene) -> list[bpy.types.Object]:
-    """Return the objects with a role that a scene shows from its background set and from the sets of that."""
+    """Return the objects with a role in a scene's background sets.
+
+    These are its background set, the background set of that, and so on.
+    """
     known, found, shown = {scene.session_uid}, {}, scene.background_set
     own = {o.session_uid for o in scene.objects}
     while shown is not None and shown.session_uid not in known:
@@ -157,14 +169,18 @@ def in_background_sets(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 def instance_name(shown: bpy.types.Object, maker: bpy.types.Object, key: InstanceKey) -> str:
-    """Return 'Cube @ Scatter 0.3': the shown object, its maker, and its persistent id."""
+    """Return the name of an instance, such as 'Cube @ Scatter 0.3'.
+
+    It has the names of the shown object and of its maker, and the persistent id.
+    """
     return f"{shown.name_full} @ {maker.name_full} {'.'.join(map(str, key.ids))}"
 
 
 def hidden_instances(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> list[Any]:
-    """Report an object whose instances Blender does not show because it is hidden with the eye; its mesh is felt.
+    """Report an object that is hidden with the eye and has instances.
 
-    A disabled object is not evaluated, so its instances are unknown.
+    Blender does not show these instances, so they are not felt; the object's mesh is. A disabled object is not
+    evaluated, so its instances are unknown.
     """
     if is_disabled(obj, view_layer) or not obj.hide_get(view_layer=view_layer):
         return []
@@ -186,7 +202,7 @@ def hidden_instances(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer) -> 
 
 
 def hidden_with_eye(felt: Iterable[bpy.types.Object], view_layer: bpy.types.ViewLayer) -> list[Any]:
-    """Report, all in one finding, which of the objects that can be touched are hidden with the eye and felt."""
+    """Report in one finding the felt objects that are hidden with the eye."""
     hidden = sorted(
         obj.name_full for obj in felt if obj.hide_get(view_layer=view_layer) and not is_disabled(obj, view_layer)
     )
@@ -216,21 +232,25 @@ def group_of(obj: bpy.types.Object) -> Any:
 
 
 def farthest_scale(scale: Iterable[float]) -> float:
-    """Return the scale of an axis that is farthest from 1, as a ratio; smaller or larger."""
+    """Return the scale farthest from 1 by ratio, whether smaller or larger."""
     return max(scale, key=lambda s: max(s, 1.0 / max(s, 1e-30)))
 
 
 def animated_parameters(obj: bpy.types.Object) -> tuple[tuple[str, str, float], ...]:
-    """Return the animated parameters of an object: name, path below `obj.dermis`, factor to SI.
+    """Return the animated parameters of an object.
 
-    One of a device is named 'device/<device index>/<name>'.
+    Each has a name, a path below `obj.dermis`, and a factor to SI. A parameter of a device is named
+    'device/<index>/<name>', where the index counts the enabled devices.
     """
     paths = {p for p in compat.animated_paths(obj) if p.startswith("dermis.")}
     return tuple(a for a in keyable_parameters(obj) if f"dermis.{a[1]}" in paths) if paths else ()
 
 
 def keyable_parameters(obj: bpy.types.Object) -> list[tuple[str, str, float]]:
-    """Return the parameters of an object that can change within a bake, as `animated_parameters` does."""
+    """Return the parameters of an object that can change within a bake.
+
+    They have the form of `animated_parameters`.
+    """
     branch = {"FINGER": "finger", "SCREEN": "screen"}.get(role_of(obj), "material")
     out = [(a.name, f"{branch}.{a.saved}", a.factor) for a in _animatable(group_of(obj))]
     if branch == "finger":
@@ -244,7 +264,10 @@ def keyable_parameters(obj: bpy.types.Object) -> list[tuple[str, str, float]]:
 
 
 def idle_curves(obj: bpy.types.Object) -> list[Any]:
-    """Report curves and drivers of settings that stay constant over a bake: Blender does not evaluate them."""
+    """Report curves and drivers of settings that are constant over a bake.
+
+    Blender does not evaluate them.
+    """
     idle = set()
     for path in compat.animated_paths(obj):
         group_path, _, attribute = path.rpartition(".")
@@ -274,7 +297,10 @@ def _animatable(group: Any) -> list[core.parameters.parameter.Parameter]:
 
 
 def animated_key(kind: str, index: int, name: str) -> str:
-    """Return a chunk's key of an animated parameter, such as 'body/3/friction' or 'device/0/1/use_weight'."""
+    """Return a chunk's key of an animated parameter.
+
+    Examples are 'body/3/friction' and 'device/0/1/use_weight'.
+    """
     if name.startswith("device/"):
         return f"device/{index}/{name.removeprefix('device/')}"
     return f"{kind}/{index}/{name}"
@@ -286,9 +312,9 @@ def look_up(uids: set[int]) -> dict[int, bpy.types.Object]:
 
 
 def at_place(place: int, uid: int) -> bpy.types.Object:
-    """Return the object with a session uid that was at a place in Blender's list.
+    """Return the object with a session uid, given its likely list index.
 
-    The list is in order of name, so the place changes where a script renames objects.
+    Blender's list is in order of name, so the index changes when a script renames objects.
     """
     obj = bpy.data.objects[place]
     return obj if obj.session_uid == uid else look_up({uid})[uid]

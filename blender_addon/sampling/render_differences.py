@@ -1,7 +1,8 @@
-"""Differences of renders from the viewport, whose surfaces are felt: which settings differ, and how far apart.
+"""Compare the surfaces in renders with those in the viewport.
 
-A render shows whole frames, so those are looked at. Settings are compared at the first frame, and at each one where
-something animates them or scripts run. Surfaces are measured only where settings differ, at a few frames.
+The surfaces in the viewport are felt. A render shows whole frames, so only whole frames are compared. Settings are
+compared at the first frame, and at every frame if they are animated or scripts run. The distance of the surfaces is
+measured only for objects whose settings differ, at a few frames.
 """
 
 from __future__ import annotations
@@ -20,25 +21,28 @@ from .participants import Participants
 from .render_causes import RenderCauses
 
 LARGEST = 200_000
-"""Triangles up to which a surface is compared with another: measuring them takes seconds."""
+"""[triangles] Size up to which surfaces are compared; at this size it takes seconds."""
 FRAMES = 9
-"""Frames at which a surface that changes is measured: the ends of the range and each eighth; fewer for large ones."""
+"""Number of frames at which a changing surface is measured: the ends of the range, and each eighth of it between.
+Large surfaces are measured at fewer frames."""
 STATES = 8
-"""Times beyond that an object is measured because its settings change."""
-_SAME = 1e-3  # of a scale: a largest distance is given with three digits
-_LISTED = 4  # differences that a finding lists
+"""Number of further times that an object is measured because its settings change."""
+_SAME = 1e-3  # relative change of a stretch that needs no new measurement: distances are given with three digits
+_LISTED = 4  # number of differences that a finding lists at most
 _UNKNOWN = "how far apart they are is not known"
 
 
 @dataclass
 class _Known:
-    """The state of the search for an object whose settings differ.
+    """The state of the comparison of an object whose settings differ.
 
     Attributes:
-        stride: it is measured at every so many of the frames for that. measured: how often it was.
-        states: the settings with which it was. missed: it was not with all of them. stretch: of its pose, last.
-        since: first frame at which the surfaces differ, None so far.
-        distance: how far apart they were at most [m], None where it is not known. at: the frame. said: the differences.
+        stride: it is measured at each `stride`-th of the frames for measurement. measured: number of measurements.
+        states: the settings with which it was measured. missed: it was not measured with some settings.
+        stretch: the stretch of its pose at the last measurement.
+        since: first frame at which the surfaces differ; None if they have not differed so far.
+        distance: [m] largest distance of the surfaces; None if unknown. at: frame of this distance.
+        said: the differences of settings at that frame.
     """
 
     said: list[str]
@@ -52,7 +56,7 @@ class _Known:
     at: float = 0.0
 
     def note(self, distance: float | None, said: list[str], frame: float) -> None:
-        """Take a distance between the surfaces; None where nobody knows it."""
+        """Note a distance between the surfaces; None if it is unknown."""
         if self.distance is None or (distance is not None and distance <= core.surface.curved.TOLERANCE):
             return
         self.since = frame if self.since is None else self.since
@@ -61,10 +65,11 @@ class _Known:
 
 
 class RenderDifferences:
-    """Looks at the samples of a sweep for differences of renders.
+    """Watcher of a sweep for differences between renders and the viewport.
 
     Args:
-        simulated: session uids of data that hangs on simulations: those are not run again to be measured.
+        simulated: session uids of data that depend on simulations; these are not measured, as that would run the
+            simulations again.
         deforming: session uids of the objects whose shape may change; None if that of every object may.
         frames: frames of the samples, shape (n,).
     """
@@ -93,7 +98,7 @@ class RenderDifferences:
         self._displaced: dict[int, list[str]] = {}
 
     def look(self, depsgraph: bpy.types.Depsgraph, frame: float) -> None:
-        """Look at the frame that is evaluated now."""
+        """Compare the frame that is evaluated now."""
         whole = math.floor(frame)
         if whole == self._whole:
             return
@@ -123,7 +128,7 @@ class RenderDifferences:
         due = {objects[uid]: differing[uid] for uid in sorted(differing.keys() - hidden)}
         due = {obj: said for obj, said in due.items() if self._is_due(obj, said)}
         displacing = {m for m in bpy.data.materials if render_settings.displaces(m)} if first else set()
-        if due or displacing:  # instances can be many
+        if due or displacing:  # else the instances, of which there may be many, are not listed
             pieces = render_surfaces.Pieces(self._hosts, self._instanced, depsgraph, self._scene)
             for uid in self._bodies - hidden if displacing else ():
                 shown = (objects[uid], *pieces.shown_by(objects[uid]))
@@ -181,7 +186,10 @@ def _stretch(obj: bpy.types.Object) -> float:
 
 
 def _stride(triangles: float) -> int:
-    """Return at every how many of the frames a surface is measured, so that it is at most twice `LARGEST` in all."""
+    """Return the stride between the frames at which a surface is measured.
+
+    It lets at most 2 * `LARGEST` triangles be measured in all.
+    """
     stride = 1
     while stride < FRAMES - 1 and triangles * (FRAMES - 1) > stride * LARGEST:
         stride *= 2

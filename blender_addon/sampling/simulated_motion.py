@@ -1,7 +1,8 @@
-"""The motion of simulations: found, swept at whole frames from their start, and interpolated smoothly.
+"""Find simulations, and record and interpolate their motion.
 
-Simulations do not answer to sub-frames: Blender gives stairs, or straight segments out of a cache. Position and
-rotation, stretch and vertices pass through the engine's own C2 splines.
+Simulations are swept at whole frames from their start. Blender does not evaluate them at sub-frames: it shows steps, or
+straight segments from a cache. Position, rotation, stretch and vertices are therefore interpolated by the engine's own
+C2 splines.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from . import dependence, motion_pieces, participants
 from .participants import Entry
 
 MARGIN = 8
-"""Frames of vertices taken either side of a window: a cubic spline forgets a knot by 0.27 a frame, 3e-5 in eight."""
+"""[frames] Vertices taken on either side of a window. The effect of a knot on a cubic spline falls by a factor of 0.27
+per frame, and to 3e-5 in eight frames."""
 
 _CACHED = {"CLOTH", "SOFT_BODY"}
 _SIMULATED_TYPES = {"CLOTH", "SOFT_BODY", "DYNAMIC_PAINT", "EXPLODE", "PARTICLE_INSTANCE"}
@@ -43,9 +45,10 @@ class Simulations:
 
 
 def switches(scene: bpy.types.Scene) -> Iterator[tuple[tuple[int, str], bool]]:
-    """Yield session uid of the object, name of the modifier, and whether it is on, of all that may simulate.
+    """Yield all that may simulate, and whether it is on.
 
-    The rigid body world stands under the scene's own uid.
+    Its key is the session uid of the object and the name of the modifier. The rigid body world has the uid of the
+    scene and the name ''.
     """
     if scene.rigidbody_world is not None:
         yield (scene.session_uid, ""), scene.rigidbody_world.enabled
@@ -56,7 +59,10 @@ def switches(scene: bpy.types.Scene) -> Iterator[tuple[tuple[int, str], bool]]:
 
 
 def find(scene: bpy.types.Scene) -> Simulations:
-    """Look for simulations and for everything that hangs on them: children, constraints, modifiers, drivers."""
+    """Find simulations and everything that depends on them.
+
+    Dependence is by parents, constraints, modifiers and drivers.
+    """
     sources: set[Any] = set()
     starts: list[int] = []
     fluids = []
@@ -85,7 +91,7 @@ def find(scene: bpy.types.Scene) -> Simulations:
 
 
 def _keyed_on(obj: bpy.types.Object, modifier: Any) -> bool:
-    """Return whether a modifier that is off is animated to be on at other frames."""
+    """Return whether a modifier's visibility in the viewport is animated."""
     return f'modifiers["{bpy.utils.escape_identifier(modifier.name)}"].show_viewport' in compat.animated_paths(obj)
 
 
@@ -105,7 +111,10 @@ def _simulates(tree: Any) -> bool:
 
 
 def stretched(scene: bpy.types.Scene) -> tuple[Any, ...]:
-    """Return the finding that playback may show simulations otherwise than they are baked, as time is stretched."""
+    """Return the finding that time is stretched, which a playback shows.
+
+    With a stretch, playback may show simulations differently from how they are baked.
+    """
     factor = scene_time.stretch(scene)
     if factor == 1.0:
         return ()
@@ -125,10 +134,10 @@ def stretched(scene: bpy.types.Scene) -> tuple[Any, ...]:
 
 
 class BetweenFrames:
-    """Measures how far particles of an object are felt from where Blender shows them between whole frames.
+    """Measure how far particles are felt from where Blender shows them.
 
-    Blender interpolates particles there in its own way, from one frame to the next; here their curves are smooth, and
-    round a bounce off.
+    The two differ between whole frames. There, Blender interpolates particles from one frame to the next. Here, they
+    move on smooth curves, which round off a bounce.
     """
 
     def __init__(self, name: str) -> None:
@@ -136,7 +145,11 @@ class BetweenFrames:
         self._worst, self._worst_at, self._since, self._count = 0.0, 0.0, np.inf, 0
 
     def look(self, felt: Array, shown: Array, there: NDArray[np.bool_], frames: Array) -> None:
-        """Compare the places [m] of a particle, shape (n, 3), at frames, shape (n,); `there` says when it is there."""
+        """Compare the felt and the shown positions of a particle.
+
+        Both are in metres, shape (n, 3). `frames`, shape (n,), are their frames; `there`, shape (n,), says at which of
+        these the particle exists.
+        """
         off = np.where(there, np.linalg.norm(felt - shown, axis=1), 0.0)
         rounding = np.finfo(np.float32).eps * np.abs(shown).max(axis=1)
         beyond = np.flatnonzero(off > core.surface.curved.TOLERANCE + rounding)
@@ -149,7 +162,7 @@ class BetweenFrames:
             self._worst, self._worst_at = float(off[worst]), float(frames[worst])
 
     def finding(self) -> Any | None:
-        """Return the finding of the samples so far; None where nothing was off."""
+        """Return the finding on the samples so far; None if none was off."""
         if not self._count:
             return None
         return Finding(
@@ -166,9 +179,10 @@ class BetweenFrames:
 
 
 def between_frames(entries: Sequence[Entry]) -> dict[int, BetweenFrames]:
-    """Return a `BetweenFrames` for particles, and for objects that emit them, by place among entries; one an object.
+    """Return a `BetweenFrames` for particles and emitters, by index of entry.
 
-    Blender moves those between whole frames too. Rigid bodies and cloth stand still there.
+    All entries of one emitter share it. Blender moves these between whole frames too. Rigid bodies and cloth stand
+    still there.
     """
     makers = {i: e.uid if e.instance is None else e.instance.instancer for i, e in enumerate(entries) if e.simulated}
     emitting = {
@@ -183,22 +197,28 @@ class Recording:
     """The motion of simulations at whole frames."""
 
     def __init__(self, times: Array) -> None:
-        """Take the times [s] of the whole frames, shape (n,)."""
+        """Start a recording at the times [s] of the whole frames, shape (n,)."""
         self.times = times
         self._poses: dict[str, motion_pieces.Poses] = {}
         self._surfaces: dict[str, list[Any]] = {}
         self._bare: set[tuple[str, int]] = set()
-        self._seen: dict[tuple[str, str], tuple[float, int]] = {}  # code and name: since when [s], at how many samples
+        # By code and name: the time [s] of the first sample, and the number of samples.
+        self._seen: dict[tuple[str, str], tuple[float, int]] = {}
 
     def keep_poses(self, name: str, matrices: Array, here: NDArray[np.bool_]) -> None:
-        """Take one entry's matrices at the whole frames, shape (n, 4, 4), and when it is there, shape (n,)."""
+        """Keep one entry's matrices at the whole frames, shape (n, 4, 4).
+
+        `here`, shape (n,), says at which frames the entry is present.
+        """
         self._poses[name] = motion_pieces.Poses(self.times, matrices, here)
 
     def keep_surface(self, name: str, mesh: Any, *, bare: bool = False) -> None:
-        """Take a body's surface at the next whole frame; in single precision, as Blender had it.
+        """Keep a body's surface at the next whole frame.
+
+        It is kept in single precision, as Blender had it.
 
         Args:
-            bare: the body is there, and has no faces.
+            bare: the body is present, but has no faces.
         """
         kept = self._surfaces.setdefault(name, [])
         if bare:
@@ -216,9 +236,10 @@ class Recording:
         return self._poses[name].at(times)
 
     def surfaces_at(self, name: str, times: Array) -> tuple[Any, ...]:
-        """Return surfaces at other times; where faces change, those of the last whole frame hold until they have.
+        """Return a body's surfaces at other times.
 
-        Faces that are cut along other diagonals are the same, and have the triangles of the last whole frame.
+        Where faces change between two whole frames, the surface of the first of them is returned. Faces that are only
+        cut along other diagonals count as the same, and have the triangles of the last whole frame.
         """
         meshes = self._surfaces[name]
         at = motion_pieces.whole_frames(self.times, times)
@@ -245,7 +266,7 @@ class Recording:
         return tuple(out)
 
     def findings(self, clock: scene_time.Clock) -> Iterator[Any]:
-        """Yield findings on the surfaces that were asked for."""
+        """Yield findings on the surfaces that `surfaces_at` has returned."""
         for (code, name), (since, count) in self._seen.items():
             what, remedy = _SAID[code]
             yield Finding(

@@ -1,4 +1,7 @@
-"""Lanes as pixels: each column of a view has the largest value in it, and columns alike become one box."""
+"""Lay out lanes in pixels.
+
+Each column of pixels shows the largest value in it, and neighbouring columns that look the same become one box.
+"""
 
 from __future__ import annotations
 
@@ -17,18 +20,23 @@ from ..viewport.paint import BLUE, FAINT, INK, ORANGE, PANEL, Colour
 RED: Colour = (0.95, 0.33, 0.27, 1.0)
 YELLOW: Colour = (0.98, 0.85, 0.25, 1.0)
 SEVERITIES = {"error": RED, "warning": ORANGE, "info": INK}
-LANE, GAP, SCRUB, LABELLED = 18.0, 1.0, 26.0, 11.0  # heights at scale 1 [px]: a lane, between two, the frames' numbers
-SHARE = 0.5  # of an editor's height at most: keys are to be seen too
-LETTER = 5.8  # a letter's width at scale 1 [px], about
-STEPS = 12  # of height and of colour: columns that differ by less are one box
-TOUCH = 0.7  # of a lane's height
-PALE = 0.35  # an outdated bake is drawn as strongly as this
-KEY = 7.0  # half a key's width at scale 1 [px], about
-MARK = 4.0  # half a mark's size at scale 1 [px]
+# [px] Heights at scale 1. LANE: a lane. GAP: between two lanes. SCRUB: the row of frame numbers. LABELLED: the least
+# height of a lane with a label.
+LANE, GAP, SCRUB, LABELLED = 18.0, 1.0, 26.0, 11.0
+SHARE = 0.5  # largest share of an editor's height for all lanes, so that keys stay visible
+LETTER = 5.8  # [px] approximate width of a letter at scale 1
+STEPS = 12  # steps of height and of colour; columns of the same step are one box
+TOUCH = 0.7  # share of a lane's height that shows a touch of unknown force
+PALE = 0.35  # opacity of an outdated bake
+KEY = 7.0  # [px] approximate half-width of a key at scale 1
+MARK = 4.0  # [px] half the size of a mark at scale 1
 
 
 class View(NamedTuple):
-    """An editor's region: its size [px], the frames at its left and right end, and Blender's scale of the interface."""
+    """An editor's region.
+
+    It has a size [px], the frames at its left and right end, and Blender's scale of the interface.
+    """
 
     width: int
     height: int
@@ -37,7 +45,7 @@ class View(NamedTuple):
     scale: float
 
     def x(self, frame: float) -> float:
-        """Return where a frame lies across [px]."""
+        """Return the distance of a frame from the left end [px]."""
         return (frame - self.left) / (self.right - self.left) * self.width
 
 
@@ -49,7 +57,8 @@ class Layout:
         positions: positions [px], shape (n, 2).
         colours: colours, shape (n, 4).
         triangles: indices of the corners, shape (t, 3).
-        labels: text with its place [px], where lanes are high enough to be read. marks: with their middles [px].
+        labels: texts with their places [px], if lanes are high enough to read them. marks: marks with the places of
+            their middles [px].
         top: top edge of the strip [px].
     """
 
@@ -61,7 +70,7 @@ class Layout:
     top: float
 
     def mark_at(self, x: float, y: float, reach: float) -> Mark | None:
-        """Return the mark nearest to a place, None where none is within reach [px]."""
+        """Return the mark nearest to a place; None if none is within `reach` [px]."""
         near = min(self.marks, key=lambda m: np.hypot(m[0] - x, m[1] - y), default=None)
         return near[2] if near is not None and np.hypot(near[0] - x, near[1] - y) <= reach else None
 
@@ -78,9 +87,10 @@ def laid_out(
     """Lay the strip out along the bottom of a view, the first finger on top.
 
     Args:
-        lanes: of a bake. live: of previews since; it is drawn over them. pale: the bake is out of date.
-        keys: frames that labels keep clear of; a label has its finger's name alone where that fits, and is left out
-            where nothing does.
+        lanes: lanes of a bake. live: lanes of previews since the bake, drawn over `lanes`. pale: the bake is out of
+            date.
+        keys: frames that labels keep clear of. If its whole text does not fit, a label has the finger's name alone. If
+            that does not fit either, it is left out.
     """
     fingers = list(dict.fromkeys([*(lane.finger for lane in lanes), *(lane.finger for lane in live)]))
     room = max(min(view.height - SCRUB * view.scale, max(SHARE * view.height, SCRUB)), 4.0)
@@ -104,7 +114,7 @@ def laid_out(
             placed.append((x, y, mark))
     labels: list[tuple[str, float, float]] = []
     if high >= LABELLED * view.scale:
-        said = {lane.finger: lane.says for lane in (*live, *lanes)}  # a bake's words count, live ones where it has none
+        said = {lane.finger: lane.says for lane in (*live, *lanes)}  # a bake's text replaces that of a preview
         for finger in fingers:
             y = bottoms[finger] + 0.5 * high - 3.5 * view.scale
             for words in dict.fromkeys((said[finger], finger)):
@@ -118,7 +128,7 @@ def laid_out(
 
 
 def _clear(view: View, keys: Sequence[float], width: float) -> float | None:
-    """Return the leftmost place across where so much is free of keys [px], None for none."""
+    """Return the leftmost place [px] with `width` free of keys; None without."""
     edge, half = 2.0 * view.scale, KEY * view.scale
     places = sorted(view.x(frame) for frame in keys)
     taken = [(x - half, x + half) for x in places if -half <= x <= view.width + half]
@@ -131,9 +141,10 @@ def _clear(view: View, keys: Sequence[float], width: float) -> float | None:
 
 
 def columns(series: Series, view: View) -> Array:
-    """Return the largest value in each column of pixels, shape (width,); NaN before the first and after the last.
+    """Return the largest value in each column of pixels, shape (width,).
 
-    A sample holds until the next, the last as long as the one before it.
+    A sample holds until the next one; the last sample holds as long as the one before it. Columns before the first
+    sample and after the end of the last one have NaN.
     """
     frames, values = series
     edges = np.linspace(view.left, view.right, view.width + 1)
@@ -146,7 +157,10 @@ def columns(series: Series, view: View) -> Array:
 
 
 def _merged(lane: Lane, kind: Kind, view: View) -> Array:
-    """Return the largest value of all series of a kind in each column, NaN where nothing is known."""
+    """Return the largest value of all series of a kind in each column.
+
+    Columns without a value have NaN.
+    """
     parts = (columns(s, view) for s in lane.series.get(kind, ()))
     return np.fmax.reduce([np.full(view.width, np.nan), *parts])
 
@@ -154,11 +168,11 @@ def _merged(lane: Lane, kind: Kind, view: View) -> Array:
 def _lane(boxes: _Boxes, lane: Lane, view: View, bottom: float, high: float, strength: float) -> None:
     if "force" in lane.series:
         level = _merged(lane, "force", view) / (lane.most("force") or 1.0)
-    else:  # a plain bar, which leaves room for limits above
+    else:  # a bar of one height, which leaves room for the mark of limits above it
         level = TOUCH * _merged(lane, "touch", view)
     known = np.isfinite(level)
     level = np.nan_to_num(level)
-    # a touch is visible, however light
+    # Rounding up keeps even the lightest touch visible.
     steps = np.where(level > 0.0, np.ceil(np.clip(level, 0.0, 1.0) * STEPS), 0).astype(int)
     off = np.clip(np.nan_to_num(_merged(lane, "mismatch", view)), 0.0, 1.0)
     shade = np.round(off * STEPS).astype(int)
@@ -186,13 +200,13 @@ def _between(one: Colour, other: Colour, share: float, alpha: float) -> Colour:
 
 
 def _runs(values: NDArray[np.integer]) -> list[tuple[int, int]]:
-    """Return first and end of each run of equal values."""
+    """Return start and end (excluded) of each run of equal values."""
     edges = np.r_[0, np.flatnonzero(np.diff(values)) + 1, len(values)]
     return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
 
 
 class _Boxes:
-    """Four corners each, gathered for one call of the graphics card."""
+    """Boxes of four corners each, collected to be drawn in one call."""
 
     def __init__(self) -> None:
         self._corners: list[tuple[tuple[float, float], ...]] = []
@@ -204,7 +218,7 @@ class _Boxes:
         self._colours.append(colour)
 
     def diamond(self, x: float, y: float, reach: float, colour: Colour) -> None:
-        """Add one that stands on its tip."""
+        """Add a square that stands on its tip; `reach` is half its diagonal."""
         self._corners.append(((x - reach, y), (x, y - reach), (x + reach, y), (x, y + reach)))
         self._colours.append(colour)
 
@@ -214,5 +228,5 @@ class _Boxes:
         corners = np.array(self._corners, np.float32).reshape(-1, 2)
         colours = np.repeat(np.array(self._colours, np.float32).reshape(n, 4), 4, axis=0)
         first = 4 * np.arange(n, dtype=np.int32)[:, None]
-        halves = np.array([0, 1, 2, 0, 2, 3], np.int32)  # a box after the other: later ones lie over earlier ones
+        halves = np.array([0, 1, 2, 0, 2, 3], np.int32)  # in the order of the boxes, so that later ones cover earlier
         return corners, colours, (first + halves).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Armatures as the hand finder wants them: bones at rest in the scene's space, and how a pose moves them."""
+"""Read armatures: bones at rest in the scene's space, and their poses."""
 
 from __future__ import annotations
 
@@ -13,12 +13,15 @@ from .._core import Array
 from .bone_names import side_of
 from .skeleton import Bone, Hand, ancestors
 
-_PARTS = ("MESH", "EMPTY")  # types of objects that robots' hands without armatures are made of
-_PALM = ":"  # the key of the bone that carries several armatures; no bone of theirs has it
+_PARTS = ("MESH", "EMPTY")  # types of the objects that form a robot's hand without an armature
+_PALM = ":"  # key of the made-up bone that carries several armatures; no other bone has this key
 
 
 def armature_of(obj: bpy.types.Object | None) -> bpy.types.Object | None:
-    """Return the armature that an object is, that deforms it, or that it hangs on; None without one."""
+    """Return the armature of an object: itself, its deformer, or an ancestor.
+
+    Armatures of its ancestors' modifiers count as well. The result is None if there is none.
+    """
     while obj is not None:
         if obj.type == "ARMATURE":
             return obj
@@ -30,22 +33,31 @@ def armature_of(obj: bpy.types.Object | None) -> bpy.types.Object | None:
 
 
 def part_of_hand(obj: bpy.types.Object | None) -> bool:
-    """Return whether fingers may be attached to what an object is part of: an armature, or parts without one."""
+    """Return whether an object belongs to an armature, or to linked parts.
+
+    Fingers may be attached to either.
+    """
     if armature_of(obj) is not None:
         return True
-    if obj is not None and obj.dermis.role == "FINGER":  # of a hand that it was attached to
+    if obj is not None and obj.dermis.role == "FINGER":  # a finger may be attached to a hand already
         obj = obj.parent
     return obj is not None and obj.type in _PARTS and obj.parent is not None
 
 
 def linked_parts(obj: bpy.types.Object) -> tuple[bpy.types.Object, ...]:
-    """Return the meshes and empties, of no zero size, of the whole tree that an object is part of, its root first."""
+    """Return the meshes and empties of an object's whole tree, root first.
+
+    Those with a scale of zero, fingers and screens are left out.
+    """
     tree = (o for o in _tree(obj) if o.type in _PARTS and sized(o))
     return tuple(o for o in tree if o.dermis.role not in ("FINGER", "SCREEN"))
 
 
 def beside(armature: bpy.types.Object) -> list[bpy.types.Object]:
-    """Return the armatures, of bones and no zero size, of the whole tree that one is part of."""
+    """Return the armatures of an armature's whole tree.
+
+    Those without bones or with a scale of zero are left out.
+    """
     return [o for o in _tree(armature) if o.type == "ARMATURE" and o.data.bones and sized(o)]
 
 
@@ -58,11 +70,11 @@ def _tree(obj: bpy.types.Object) -> tuple[bpy.types.Object, ...]:
 def bones_of_parts(
     parts: Sequence[bpy.types.Object],
 ) -> tuple[dict[str, tuple[bpy.types.Object, str]], dict[str, Bone], dict[str, str]]:
-    """Return links as bones, by name, and the link that each mesh is the body of.
+    """Return links as bones, by name, and the link of each mesh.
 
-    Each begins at its origin and ends at its child's, else at the far end of its body. A mesh that carries nothing and
-    hangs on an empty is that empty's body, as importers of robots make them. Of empties without a body, those that lie
-    beyond a last link mark its end, and others are left out.
+    A bone begins at the origin of its link and ends at the origin of its only child, else at the far end of its body. A
+    mesh without children whose parent is an empty is the body of that empty, as importers of robots make them. An empty
+    without a body marks the end of a last link if it lies beyond it; other such empties are left out.
     """
     names = {part.name: part for part in parts}
     body = {part.name: part.name for part in parts if part.type == "MESH"}
@@ -82,7 +94,7 @@ def bones_of_parts(
         above = part.parent
         last = above is not None and above.name in links and not _carried(part, links)
         if own and last and part.type == "EMPTY" and (middle - at[name]) @ (at[name] - at[above.name]) < 0.0:
-            # Its body lies behind its origin: it is the end of the link that carries it.
+            # The body lies behind the origin of its empty, so it belongs to the link that carries the empty.
             body.update({mesh.name: above.name for mesh in own})
             middle = at[name]
         middles[name] = middle
@@ -108,7 +120,10 @@ def _middle(mesh: bpy.types.Object) -> Array:
 
 
 def _frames(links: Mapping[str, bpy.types.Object], solid: Collection[str]) -> set[str]:
-    """Return the empties that carry no body and mark no end: beside links with one, or nearer than another one."""
+    """Return the empties that carry no body and mark no end.
+
+    These are beside a link that goes on, or nearer to the origin of their link than another empty of it.
+    """
     filled = {name for name in solid if name in links}
     for name in list(filled):
         above = links[name].parent
@@ -132,10 +147,10 @@ def sized(obj: bpy.types.Object) -> bool:
 
 
 def bones_of(parts: Sequence[bpy.types.Object]) -> tuple[dict[str, tuple[bpy.types.Object, str]], dict[str, Bone]]:
-    """Return armature and name of each bone, and the bones at rest in the scene's space, by a key.
+    """Return the armature and the name of each bone, and the bones at rest.
 
-    The key of a bone is its name. Where there are several armatures the key has the armature's name too, and one more
-    bone, of no armature, is the palm that carries them.
+    Both are by key, and the bones are in the scene's space. The key of a bone is its name. With several armatures, it
+    has the name of the armature too, and one more bone, of no armature, is the palm that carries them all.
     """
     places: dict[str, tuple[bpy.types.Object, str]] = {}
     bones: dict[str, Bone] = {}
@@ -161,7 +176,10 @@ def bones_of(parts: Sequence[bpy.types.Object]) -> tuple[dict[str, tuple[bpy.typ
 
 
 def pose_of(armature: bpy.types.Object, bone: str) -> Array:
-    """Return how a bone's pose moves what rests, in the scene's space, shape (4, 4); '' is a part, at rest as it is."""
+    """Return the matrix from the rest of a bone to its pose, shape (4, 4).
+
+    It is in the scene's space. The name '' stands for a part without an armature, which is always at rest.
+    """
     if not bone:
         return np.eye(4)
     world, posed = armature.matrix_world, armature.pose.bones[bone]
@@ -169,7 +187,10 @@ def pose_of(armature: bpy.types.Object, bone: str) -> Array:
 
 
 def carrier(armature: bpy.types.Object, bone: str) -> Matrix:
-    """Return the matrix on which children of a bone hang: its own, at the bone's end; of '' the object's."""
+    """Return the matrix to which the children of a bone are relative.
+
+    It is the matrix of the bone, moved to its end. For the name '' it is the matrix of the object.
+    """
     if not bone:
         return armature.matrix_world
     posed = armature.pose.bones[bone]
@@ -177,7 +198,10 @@ def carrier(armature: bpy.types.Object, bone: str) -> Matrix:
 
 
 def meant(hands: list[Hand], bones: Mapping[str, Bone], active: str) -> list[Hand]:
-    """Return the hands that an active bone belongs to: its own, those on its side, else all of them."""
+    """Return the hands that an active bone selects.
+
+    They are the hands it belongs to, else those on its side, else all.
+    """
     if active not in bones:
         return hands
     near = [hand for hand in hands if _touches(hand, bones, active)]
@@ -187,7 +211,7 @@ def meant(hands: list[Hand], bones: Mapping[str, Bone], active: str) -> list[Han
 
 
 def _touches(hand: Hand, bones: Mapping[str, Bone], active: str) -> bool:
-    """Return whether a bone is of a hand, or carries it and no other's."""
+    """Return whether a bone belongs to a hand, or hangs on its wrist."""
     own = {name for chain in hand.chains.values() for name in (*chain.bones, chain.end)}
     above = ancestors(bones, active)
     return bool(own.intersection(above)) or (bool(hand.wrist) and hand.wrist in above)

@@ -84,7 +84,7 @@ def attach(
 
 
 def misses(fitted: Fit) -> bool:
-    """Return whether a pad is off the skin by more than a tenth of the finger's width."""
+    """Return whether a pad is off the skin by over 1/10 of the finger's width."""
     return fitted.miss is not None and fitted.miss > fingertip_mesh.OFF * fitted.width
 
 

@@ -1,4 +1,6 @@
-"""Meaning of bone names: finger, hand, and place along the finger. Knows nothing of Blender.
+"""Read finger, hand and place along the finger from names of bones.
+
+This module does not use Blender.
 
 A name is cut into words and each word is looked up, so that one table reads `f_index.03.L` and `DEF-f_index.03.L`
 (Rigify), `index_03_l` (Unreal, MetaHuman), `mixamorig:LeftHandIndex3` (Mixamo), `finger2-3.L` (MakeHuman),
@@ -16,7 +18,7 @@ from functools import lru_cache
 
 from . import FINGERS, LEFT, RIGHT
 
-END = 99  # the place of what only marks a finger's end
+END = 99  # place of a bone that only marks the end of a finger
 
 _FINGER_WORDS = {
     "thumb": "thumb pollex 親指",
@@ -33,7 +35,7 @@ _PLACE_WORDS = {
     END: "tip end nub null leaf 先",
 }
 _SIDE_WORDS = {LEFT: "l left lh lt 左", RIGHT: "r right rh rt 右"}
-_NUMBERED = {"finger", "digit"}  # whose number is the finger's: finger2-3
+_NUMBERED = {"finger", "digit"}  # the number after such a word is that of the finger: finger2-3
 _SILENT = {"f", "fingers", "hand", "phalanx", "phalange", "phalanges", "bone", "joint", "jnt", "指", "手"}
 _FEET = {"toe", "toes", "foot"}
 _WRISTS = {"hand", "wrist", "手首"}
@@ -50,9 +52,10 @@ class Label:
     """Meaning of a bone's name.
 
     Attributes:
-        finger: one of `FINGERS`. side: 'L', 'R', or '' where the name does not say.
-        place: along the finger: 0 a metacarpal, then from the palm outwards, `END` past the last bone.
-        style: the rest of the name: the same for bones of one layer of a rig, such as ('def',).
+        finger: one of `FINGERS`. side: 'L', 'R', or '' if the name has none.
+        place: place along the finger: 0 is a metacarpal, the others count from the palm outwards, and `END` is past
+            the last bone.
+        style: the rest of the name, such as ('def',), which is the same for the bones of one layer of a rig.
     """
 
     finger: str
@@ -62,7 +65,9 @@ class Label:
 
 
 def words(name: str) -> list[str]:
-    """Return the words of a bone's name in lower case, numbers too; a namespace before ':' is left out.
+    """Return the words and numbers of a bone's name, in lower case.
+
+    A namespace before ':' is left out.
 
     >>> words("mixamorig:LeftHandIndex3")
     ['left', 'hand', 'index', '3']
@@ -72,13 +77,13 @@ def words(name: str) -> list[str]:
 
 
 def side_of(name: str) -> str:
-    """Return 'L' or 'R' where a name says one of them, else ''."""
+    """Return 'L' or 'R' if a name has exactly one of the sides, else ''."""
     sides = {_SIDE_OF[word] for word in words(name) if word in _SIDE_OF}
     return sides.pop() if len(sides) == 1 else ""
 
 
 def is_wrist(name: str) -> bool:
-    """Return whether a name is a whole hand's: nothing in it but a hand or wrist, and a side."""
+    """Return whether a name has a hand or wrist in it, and no finger."""
     return any(w in _WRISTS for w in words(name)) and not any(w in _FINGER_OF for w in words(name))
 
 
@@ -88,7 +93,7 @@ def is_foot(name: str) -> bool:
 
 
 def labels(names: Iterable[str]) -> dict[str, Label]:
-    """Return what names say, of those that name a finger."""
+    """Return the labels of those names that name a finger."""
     found: dict[str, Label] = {}
     numbered: dict[tuple[str, ...], dict[str, tuple[int, int, str]]] = defaultdict(dict)
     for name in names:
@@ -99,7 +104,8 @@ def labels(names: Iterable[str]) -> dict[str, Label]:
             numbered[label.style][name] = (number, label.place, label.side)
     for style, rows in numbered.items():
         count = {number for number, _, _ in rows.values()}
-        # Five begin with the thumb, four with the index finger; the lowest number that a rig has is its first.
+        # Five numbered fingers begin with the thumb, four or fewer with the index finger. The lowest number is the
+        # first finger.
         order = FINGERS if max(count) - min(count) >= 4 else FINGERS[1:]
         for name, (number, place, side) in rows.items():
             if number - min(count) < len(order):
@@ -108,7 +114,7 @@ def labels(names: Iterable[str]) -> dict[str, Label]:
 
 
 def _read(name: str) -> tuple[Label | None, int | None]:
-    """Return a name's label; with a number where only that says which finger it is."""
+    """Return a name's label, and the finger's number if it has no other name."""
     finger, side, place = "", "", None
     rest: list[str] = []
     numbers: list[str] = []
@@ -122,7 +128,7 @@ def _read(name: str) -> tuple[Label | None, int | None]:
             finger = _FINGER_OF[word]
         elif word in _PLACE_OF:
             place = _PLACE_OF[word]
-        elif word == "middle":  # behind a finger's name it is the middle phalanx
+        elif word == "middle":  # after the name of a finger this is the middle phalanx
             place = 2
         elif word.isdecimal():
             (numbers if finger or counted else rest).append(word)
@@ -134,20 +140,20 @@ def _read(name: str) -> tuple[Label | None, int | None]:
         if place is None and numbers:
             place = int(numbers.pop(0))
         elif place == END:
-            numbers = []  # index_03_end: of the bone that it ends
+            numbers = []  # in index_03_end, the number is that of the bone before the end
         return Label(finger, side, 1 if place is None else place, (*rest, *numbers)), None
     if not counted or not numbers:
         return None, None
     first = numbers.pop(0)
     if numbers:  # finger2-3: the finger, and its bone
         number, index = int(first), int(numbers.pop(0))
-    else:  # Finger0, Finger01, Finger02: the finger's digit, then the bone's, which the first bone has not
+    else:  # Finger0, Finger01, Finger02: the digit of the finger, then that of the bone, which the first bone lacks
         number, index = int(first[0]), int(first[1:] or 0) + 1
     return Label("", side, index if place is None else place, (*rest, *numbers)), number
 
 
 def _parted(word: str) -> list[str]:
-    """Split joined words, such as 'lefthandindex', where all of it is known."""
+    """Split joined words, such as 'lefthandindex', if all of them are known."""
     if word in _LONG or word.isdecimal():
         return [word]
     for size in range(len(word) - 1, 1 if word < "~" else 0, -1):
@@ -160,10 +166,13 @@ def _parted(word: str) -> list[str]:
 
 @lru_cache(maxsize=32)
 def order(names: tuple[str, ...], fingers: tuple[str, ...]) -> tuple[int, ...]:
-    """Return in which order fingers are shown: a hand's fingers from the thumb on, then others as the scene has them.
+    """Return the order in which fingers are shown, as indices of `names`.
+
+    The fingers of a hand come first, from the thumb on, and the others follow in the order of the scene.
 
     Args:
-        names: of fingers, or of their parts, as 'Index: thimble'. fingers: all of the scene's.
+        names: names of fingers, or of their parts, such as 'Index: thimble'. fingers: names of all fingers of the
+            scene.
     """
     said = labels(fingers)
 

@@ -1,4 +1,7 @@
-"""Where a fingertip's frame lies in a finger, and which preset's lengths, scaled, are its. Knows nothing of Blender."""
+"""Fit a fingertip to a finger: its frame, its preset and its scale.
+
+This module does not use Blender.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +12,11 @@ import numpy as np
 
 from .._core import Array
 
-MIDDLE = 0.54  # of the thickness: how high the widest part, where joints lie, is above the pad
-_SAME = 0.07  # a finger that differs by less from a preset has its lengths: tables of its skin come with it
-_STEPS = 4  # of place and size, each from the other
-_FEWEST = 8  # triangles of a surface
-_TRUSTED = (0.4, 2.5)  # size by a surface over size by the bone: beyond it, the surface is not a finger's
+MIDDLE = 0.54  # height of the widest part, where joints lie, above the pad, as a share of the thickness
+_SAME = 0.07  # log of the scale below which a preset is taken unscaled, because tables of its skin are shipped
+_STEPS = 4  # number of iterations in which place and size are found from each other
+_FEWEST = 8  # least number of triangles, and of points, of a surface
+_TRUSTED = (0.4, 2.5)  # size by a surface over size by the bone; outside, the surface is not that of the finger
 
 
 @dataclass(frozen=True)
@@ -25,7 +28,7 @@ class Fit:
         axes: columns X, Y to the tip and Z to the nail, shape (3, 3).
         preset: key of the nearest preset.
         scale: factor of its lengths.
-        on_skin: the pad was placed by a surface; else where a finger round the bone has it.
+        on_skin: whether the pad was placed by a surface; else it is where a finger round the bone has its pad.
         width: width of the finger [m].
         miss: distance from the pad's centre to the nearest skin [m]; None if there is none.
     """
@@ -47,13 +50,13 @@ def fit(
     unit: float,
     width: float = 0.0,
 ) -> Fit:
-    """Return where the fingertip of a finger is.
+    """Return the fit of a fingertip to a finger.
 
     Args:
         line: joints from the knuckle to the tip, in scene units, shape (n, 3).
-        nail: direction of the nail, square to the last phalanx.
+        nail: direction of the nail, perpendicular to the last phalanx.
         triangles: triangles of the skin around it, in scene units, shape (t, 3, 3); None if there are none.
-        presets: their lengths [m]. unit: metres in a scene unit.
+        presets: lengths of the presets [m], by their keys. unit: [m] length of a scene unit.
         width: width of the finger if a person has given it [m]; 0 for the width found from the hand.
     """
     joint, ahead = line[-2], line[-1] - line[-2]
@@ -79,7 +82,7 @@ def fit(
 
 
 def distance(point: Array, triangles: Array) -> float:
-    """Return how far a point is from the nearest of triangles, shape (t, 3, 3)."""
+    """Return the distance from a point to the nearest of triangles, (t, 3, 3)."""
     sides = np.roll(triangles, -1, axis=1) - triangles
     to = point - triangles
     along = np.einsum("tij,tij->ti", to, sides) / np.maximum(np.einsum("tij,tij->ti", sides, sides), 1e-30)
@@ -93,7 +96,10 @@ def distance(point: Array, triangles: Array) -> float:
 
 
 def section(triangles: Array, height: float) -> Array:
-    """Return where the edges of triangles cross the plane of a height along Y, shape (k, 3)."""
+    """Return the points where edges of triangles cross a plane of constant Y.
+
+    Their shape is (k, 3).
+    """
     first = triangles.reshape(-1, 3)
     second = np.roll(triangles, -1, axis=1).reshape(-1, 3)
     below, above = first[:, 1] - height, second[:, 1] - height
@@ -103,7 +109,10 @@ def section(triangles: Array, height: float) -> Array:
 
 
 def _nearest(presets: Mapping[str, Mapping[str, float]], measured: Mapping[str, float]) -> tuple[str, float]:
-    """Return the preset whose lengths have to be scaled least, and the scale: the mean over measured lengths, or 1."""
+    """Return the preset that must be scaled least, and the scale.
+
+    The scale is the geometric mean over the measured lengths, or 1 if it is near 1.
+    """
     scales = {
         key: float(np.exp(np.mean([np.log(value / lengths[name]) for name, value in measured.items()])))
         for key, lengths in presets.items()
@@ -113,7 +122,7 @@ def _nearest(presets: Mapping[str, Mapping[str, float]], measured: Mapping[str, 
 
 
 def _as_wide(presets: Mapping[str, Mapping[str, float]], width: float) -> tuple[str, float]:
-    """Return the preset that has to be scaled least to be as wide as somebody says, and the scale."""
+    """Return the preset that must be scaled least to a width, and the scale."""
     scales = {key: width / lengths["width"] for key, lengths in presets.items()}
     key = min(scales, key=lambda k: abs(np.log(scales[k])))
     return key, scales[key]
@@ -128,10 +137,12 @@ def _on_skin(
     *,
     steps: int = _STEPS,
 ) -> tuple[Array, str, float] | None:
-    """Return the pad's centre [m], preset and scale by a surface in the finger's frame at its last joint [m].
+    """Return the pad's centre [m], preset and scale from a surface.
+
+    The surface is in the finger's frame at its last joint [m].
 
     Args:
-        steps: of the size from the surface; 0 keeps preset and scale.
+        steps: number of iterations that find the size from the surface; 0 keeps preset and scale.
     """
     points = triangles.reshape(-1, 3)
     points = points[points[:, 1] > 0.3 * length]
@@ -154,6 +165,9 @@ def _on_skin(
 
 
 def _bottom(ring: Array, x: float, near: float) -> float:
-    """Return the height of the pad's middle in a section: its lowest point near the middle, else of all."""
+    """Return the height of the pad's middle in a section.
+
+    It is that of the lowest point near the middle, if this lies below the section's mean, else of the lowest of all.
+    """
     middle = ring[np.abs(ring[:, 0] - x) <= near]
     return float((middle if len(middle) and middle[:, 2].min() < ring[:, 2].mean() else ring)[:, 2].min())

@@ -1,4 +1,4 @@
-"""An armature as it is now: its bones, the skin round them, and its hands, those meant first."""
+"""Read an armature: its bones, the skin round them, and its hands."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ from .skeleton import Bone, Chain, Hand, ancestors, joints
 
 @dataclass(frozen=True)
 class Rig:
-    """What fingers are attached to.
+    """The armatures, or the linked parts, that fingers are attached to.
 
     Attributes:
-        armatures: the active object's first; several make one hand. Or parts of a hand without armatures.
+        armatures: the armatures, that of the active object first; several form one hand. Without armatures, the parts.
         places: armature and own name of each bone.
-        fingers: names of the fingers that hang on bones already, by bone. picked: an active bone says which hand.
+        hands: the hands, those that the active bone selects first.
+        fingers: names of the fingers that are attached already, by bone.
+        picked: whether an active bone selects some of the hands.
     """
 
     armatures: tuple[bpy.types.Object, ...]
@@ -37,29 +39,32 @@ class Rig:
 
     @property
     def has_bones(self) -> bool:
-        """Whether it has armatures; else parts are its bones."""
+        """Whether it has armatures; else its parts serve as bones."""
         return self.armatures[0].type == "ARMATURE"
 
     @property
     def where(self) -> str:
-        """What refusals are about."""
+        """The place that errors name."""
         if not self.has_bones:
             return f"object '{self.armatures[0].name}' and its parts"
         return ", ".join(f"armature '{armature.name}'" for armature in self.armatures)
 
     def by_side(self) -> dict[str, Hand]:
-        """Return the hands by `side_of`, those meant first."""
+        """Return the first hand of each side, by `side_of`."""
         found: dict[str, Hand] = {}
         for hand in self.hands:
             found.setdefault(self.side_of(hand), hand)
         return found
 
     def side_of(self, hand: Hand) -> str:
-        """Return a hand's side ('L', 'R'): as names say, else as its bones lie; '' where neither tells."""
+        """Return a hand's side, 'L' or 'R'; '' if it is unknown.
+
+        The side is taken from names, else from the position of the bones.
+        """
         return hand.side or self.nails(hand).side
 
     def nails(self, hand: Hand) -> Nails:
-        """Return where a hand's nails look at rest."""
+        """Return the directions of a hand's nails at rest."""
         lines, bends = {}, {}
         for finger, chain in hand.chains.items():
             lines[finger] = line = joints(self.bones, chain)
@@ -72,11 +77,14 @@ class Rig:
         return nails(lines, self.bones[hand.wrist].head if hand.wrist else None, side, bends)
 
     def move(self, bone: str) -> Array:
-        """Return how a bone's pose moves what rests, in the scene's space, shape (4, 4)."""
+        """Return the matrix from the rest of a bone to its pose, shape (4, 4)."""
         return armatures.pose_of(*self.places[bone])
 
     def skin_of(self, chain: Chain) -> Array | None:
-        """Return the triangles round a chain's last bone as they lie at rest, shape (t, 3, 3); None without any."""
+        """Return the skin round a chain's last bone at rest, as triangles.
+
+        Their shape is (t, 3, 3). The result is None if there is no skin.
+        """
         skin = self.skin.round(chain.last, chain.end)
         if skin is None:
             return None
@@ -86,10 +94,10 @@ class Rig:
 
 
 def read(context: bpy.types.Context) -> Rig:
-    """Return the active object's armature and its hands.
+    """Return the rig of the active object.
 
     Raises:
-        DermisError: no armature is selected, or none with bones and a size.
+        DermisError: no armature is selected, or it has no bones or a scale of zero.
     """
     armature = armatures.armature_of(context.object)
     if armature is None and armatures.part_of_hand(context.object):
@@ -105,7 +113,7 @@ def read(context: bpy.types.Context) -> Rig:
     if context.mode == "OBJECT":
         selected = dict.fromkeys(filter(None, map(armatures.armature_of, context.selected_objects)))
         parts = [part for part in selected if part.data.bones and armatures.sized(part)]
-        if len(parts) < 2:  # one drive of a hand may stand for all
+        if len(parts) < 2:  # one armature of a hand that has several is selected
             parts = armatures.beside(armature)
         if len(parts) > 1 and not any(_of(context, (part,)).hands for part in parts):
             several = _of(context, (armature, *(part for part in parts if part != armature)))
@@ -115,7 +123,7 @@ def read(context: bpy.types.Context) -> Rig:
 
 
 def _judge(armature: bpy.types.Object) -> None:
-    """Refuse an armature without bones or size."""
+    """Raise a `DermisError` for an armature without bones or of zero scale."""
     where = f"armature '{armature.name}'"
     if not armature.data.bones:
         raise DermisError("it has no bones", where=where, remedy="Choose another one")

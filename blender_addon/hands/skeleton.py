@@ -1,6 +1,6 @@
-"""A hand's bones: which of them are a finger's, which one is its last, and where its joints are.
+"""Find the bones and the joints of fingers in a hand.
 
-Knows nothing of Blender.
+This module does not use Blender.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import numpy as np
 from .._core import Array
 from .bone_names import END, FINGERS, Label, is_wrist, labels, side_of
 
-PHALANGES = 3  # of a finger; earlier bones lie in the palm
-LIKELY = (0.35, 1.7)  # length of a last phalanx over that of the one before it
-_STRAIGHT = 0.3  # cosine between the two: beyond it, an importer has made up where the bone ends
-_DISTAL = 0.8  # length of a last phalanx over that of the one before it, where nothing says
+PHALANGES = 3  # number of bones of a finger; earlier bones lie in the palm
+LIKELY = (0.35, 1.7)  # likely range of the length of a phalanx over the length of the one before it
+_STRAIGHT = 0.3  # least cosine between the last two phalanges; below it, an importer has made up the end of the bone
+_DISTAL = 0.8  # length of a last phalanx over that of the one before it, if its end is made up
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Bone:
     """One bone at rest, in the scene's space and units.
 
     Attributes:
-        parent: its name, '' for none. head, tail: shape (3,). deform: it moves a mesh.
+        parent: name of its parent, '' for none. head, tail: its ends, shape (3,). deform: whether it moves a mesh.
     """
 
     name: str
@@ -37,7 +37,10 @@ class Bone:
 
 @dataclass(frozen=True)
 class Chain:
-    """The bones of one finger from the palm outwards, and what marks its end, '' for nothing."""
+    """The bones of one finger from the palm outwards.
+
+    `end` is the name of the bone that marks the end of the finger, '' without one.
+    """
 
     bones: tuple[str, ...]
     end: str = ""
@@ -50,11 +53,13 @@ class Chain:
 
 @dataclass(frozen=True)
 class Hand:
-    """A hand: its side ('L', 'R', '' unknown), the bone of its palm ('' none), and its fingers' chains.
+    """A reading of bones as a hand.
 
     Attributes:
+        side: 'L', 'R', or '' if unknown. wrist: bone of its palm, '' without one. chains: the bones of each finger.
         source: method that proposed it, 'names' or 'branches'.
-        score: of how much it explains. named_fingers: number of fingers whose names agree.
+        score: score of the reading; the best reading has the highest. named_fingers: number of fingers whose bones are
+            named as that finger.
         rivals: other readings of its bones, the best first.
     """
 
@@ -78,11 +83,11 @@ class Hand:
 
     @property
     def told(self) -> str:
-        """How the fingers were found, in words."""
+        """Text on how the fingers were found."""
         return f"By {self.source}; names agree for {self.named_fingers} of {len(self.chains)} fingers"
 
     def difference(self, other: Hand) -> str:
-        """Return which bones carry fingertips in another reading and not in this one, in words."""
+        """Return a text on the fingertips that another reading places differently."""
         moved = [
             f"{finger} on {chain.last}"
             for finger, chain in other.chains.items()
@@ -93,7 +98,7 @@ class Hand:
 
     @property
     def named(self) -> bool:
-        """Whether the names of most fingers agree; else the way the bones lie tells which finger is which."""
+        """Whether most fingers are known by name, not only by their position."""
         return 2 * self.named_fingers > len(self.chains)
 
 
@@ -107,10 +112,10 @@ def ancestors(bones: Mapping[str, Bone], name: str) -> list[str]:
 
 
 def joints(bones: Mapping[str, Bone], chain: Chain) -> Array:
-    """Return a finger's joints from the knuckle to the tip, at rest, shape (n, 3).
+    """Return a finger's joints at rest, from the knuckle to the tip.
 
-    The tip is where a marker says, else where the last bone ends, unless an importer made that up: then it lies
-    straight ahead.
+    Their shape is (n, 3). The tip is at the marker of the end, else at the end of the last bone. If an importer has
+    made up that end, the tip lies straight ahead of the bone before.
     """
     heads = np.array([bones[name].head for name in chain.bones])
     last = bones[chain.last]
@@ -127,12 +132,13 @@ def joints(bones: Mapping[str, Bone], chain: Chain) -> Array:
 
 
 def named_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> list[Hand]:
-    """Return a hand for each side and layer of bones with names of fingers, layers with the shortest names first.
+    """Return hands by the names of bones, one for each side and layer.
 
-    A rig may have several layers of bones: controls, mechanisms, deforming bones.
+    A rig may have several layers of bones, such as controls, mechanisms and deforming bones. Layers with the shortest
+    names come first.
 
     Args:
-        weighted: names of bones that vertices follow.
+        weighted: names of the bones that vertices follow.
     """
     layers: dict[tuple[str, tuple[str, ...]], dict[str, dict[int, str]]] = defaultdict(dict)
     for name, label in labels(bones).items():
@@ -147,7 +153,10 @@ def named_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> li
 
 
 def wrist_of(bones: Mapping[str, Bone], firsts: Iterable[str], side: str) -> str:
-    """Return the bone that carries all these, else one named a hand or wrist of a side, else ''."""
+    """Return the nearest bone that carries all of `firsts`.
+
+    If there is none, return a bone named as a hand or wrist of the side, else ''.
+    """
     above = [ancestors(bones, name)[1:] for name in firsts]
     common = [name for name in above[0] if all(name in others for others in above)] if len(above) > 1 else []
     if common:
@@ -156,14 +165,20 @@ def wrist_of(bones: Mapping[str, Bone], firsts: Iterable[str], side: str) -> str
 
 
 def _places(fingers: dict[str, dict[int, str]], label: Label, name: str, bones: Mapping[str, Bone]) -> None:
-    """Put a bone in its place along its finger; of two with one place, the one that deforms."""
+    """Put a bone at its place along its finger.
+
+    Of two bones for one place, a deforming one is preferred.
+    """
     there = fingers.setdefault(label.finger, {})
     if label.place not in there or bones[name].deform > bones[there[label.place]].deform:
         there[label.place] = name
 
 
 def _chain(places: dict[int, str], weighted: Collection[str]) -> Chain:
-    """Return a finger's chain; a bone called an end, and a fourth one, is a marker unless vertices follow it."""
+    """Return a finger's chain from the places of its bones.
+
+    A bone that is named an end, and a fourth bone, only mark the end of the finger unless vertices follow them.
+    """
     order = sorted(places)
     chain = ended([places[place] for place in order], weighted, order[-1] == END)
     rest = [places[place] for place in order if places[place] in chain.bones]
@@ -174,10 +189,10 @@ def _chain(places: dict[int, str], weighted: Collection[str]) -> Chain:
 
 
 def ended(names: list[str], weighted: Collection[str], marked: bool) -> Chain:
-    """Return the chain of bones whose last ones may be no more than markers of the end.
+    """Return the chain of bones, of which the last may only mark the end.
 
     Args:
-        marked: its last name says that it is one, which counts unless vertices follow it.
+        marked: whether the last bone is named a marker; its name does not count if vertices follow it.
     """
     count = max((i + 1 for i, name in enumerate(names) if name in weighted), default=0)
     if count < max(min(len(names) - 1, PHALANGES), 1):  # no mesh, or one that only follows the finger's root

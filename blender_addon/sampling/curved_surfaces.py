@@ -1,4 +1,7 @@
-"""Curved surfaces: whether an object is felt as its shading shows it, how exactly, and the findings on it."""
+"""Decide which objects are felt as curved surfaces, and how exactly.
+
+A curved surface is the one that the shading of an object shows.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +17,10 @@ from . import meshes, script_changes
 from .meshes import Geometry
 
 FELT = 50e-6
-"""[m] between flat faces and the curved surface from which on it is told; 0.1 mm takes 5 % off a ball of 6 mm."""
+"""[m] Distance between flat faces and the curved surface above which it is reported. At 0.1 mm, the force of a ball of
+6 mm is 5 % too small."""
 LOOKED_AT = 20_000
-"""Triangles up to which that is looked for; larger meshes are fine ones."""
+"""[triangles] Size up to which this distance is measured; the faces of larger meshes are taken as fine enough."""
 
 
 _NEVER_SCALE = frozenset(
@@ -35,7 +39,7 @@ _NEVER_SCALE = frozenset(
         "TRACK_TO",
     }
 )
-"""Types of constraint that only move and turn."""
+"""Types of constraint that do not change the scale."""
 
 
 def is_curved(obj: bpy.types.Object) -> bool:
@@ -44,21 +48,26 @@ def is_curved(obj: bpy.types.Object) -> bool:
 
 
 def tolerance_of(obj: bpy.types.Object, stretch: float) -> float | None:
-    """Return how far an object's surface may be off in its own space [m]; None where its faces are felt flat.
+    """Return the tolerance of an object's curved surface in its own space [m].
+
+    It is None if the faces of the object are felt flat.
 
     Args:
-        stretch: the most that its pose stretches it by.
+        stretch: the largest factor by which its pose stretches it.
     """
     return float(core.surface.curved.TOLERANCE / stretch) if is_curved(obj) else None
 
 
 def stretch_of(matrix: Any) -> float:
-    """Return the most that a matrix to the world, shape (4, 4), stretches by."""
+    """Return the largest stretch of a matrix to the world, shape (4, 4)."""
     return float(core.surface.curved.stretch_of(np.asarray(matrix, np.float64)))
 
 
 def stretches_of(matrices: Array) -> Array:
-    """Return the most that each of many matrices to the world, shape (..., 4, 4), stretches by; 0 for unknown."""
+    """Return the largest stretch of each of many matrices to the world.
+
+    The matrices have shape (..., 4, 4). The stretch of a matrix that is not finite is 0.
+    """
     linear = matrices[..., :3, :3]
     finite = np.logical_and.reduce(np.isfinite(linear), axis=(-2, -1), keepdims=True)
     found = np.linalg.norm(np.where(finite, linear, 0.0), ord=2, axis=(-2, -1))
@@ -66,17 +75,26 @@ def stretches_of(matrices: Array) -> Array:
 
 
 def rounded_up(stretch: float) -> float:
-    """Return the next power of two: the surface of an object that grows is then made anew when it has doubled."""
+    """Return the next power of two that is not smaller.
+
+    The surface of an object that grows is then made anew each time its size has doubled.
+    """
     return float(2.0 ** np.ceil(np.log2(stretch)))
 
 
 def asks_for_size(obj: bpy.types.Object) -> bool:
-    """Return whether it matters how large an object becomes: it is felt curved, or its facets may have to be told."""
+    """Return whether the size of an object matters to its surface.
+
+    It does if the object is felt curved, or if the distance of its facets may have to be reported.
+    """
     return is_curved(obj) or obj.type != "MESH" or len(obj.modifiers) > 0 or obj.data.normals_domain != "FACE"
 
 
 def may_grow(obj: bpy.types.Object) -> bool:
-    """Return whether its pose may stretch an object by another factor at another frame, if no script does that."""
+    """Return whether the stretch of an object's pose may vary with the frame.
+
+    Scripts are not considered.
+    """
     own: bpy.types.Object | None = obj
     while own is not None:
         if not compat.animated_paths(own).isdisjoint({"scale", "delta_scale"}):
@@ -91,7 +109,7 @@ def may_grow(obj: bpy.types.Object) -> bool:
 
 
 def grows(obj: bpy.types.Object) -> bool:
-    """Return whether its pose may stretch an object by another factor at another frame, scripts included."""
+    """Return whether an object's stretch may vary by frame or by scripts."""
     return script_changes.run_here() or may_grow(obj)
 
 
@@ -101,11 +119,13 @@ def _is_uniform(obj: bpy.types.Object) -> bool:
 
 
 def findings(geometry: Geometry | None, stretch: float, unit: float, made: Any | None, where: str) -> tuple[Any, ...]:
-    """Return the findings on an object's surface: how it is curved, or that its facets will be felt.
+    """Return the findings on an object's surface.
+
+    They are those of its curved surface, or one that its facets will be felt.
 
     Args:
-        geometry: its surface, with normals. stretch: the most that its pose stretches it by, over the range.
-        unit: metres in a scene unit.
+        geometry: its surface, with normals. stretch: the largest factor by which its pose stretches it in the range.
+        unit: [m] length of a scene unit.
         made: the `CurvedMesh` that its surface was read as; None where it is flat.
     """
     if made is not None:
@@ -132,13 +152,13 @@ def findings(geometry: Geometry | None, stretch: float, unit: float, made: Any |
 
 
 def outgrown(name: str, stretch: float, series: Array, frames: Array) -> Any | None:
-    """Return the finding that an object becomes larger than its curved surface was made for.
+    """Return a finding if an object outgrows its curved surface.
 
-    That is, between whole frames, or because a script lets it.
+    It may become larger than its surface was made for between whole frames, or by a script.
 
     Args:
-        stretch: the most that its pose stretches it by at whole frames, without scripts. series: that of each sample,
-            shape (n,). frames: of the samples, shape (n,).
+        stretch: the largest stretch of its pose at whole frames, without scripts.
+        series: the stretch at each sample, shape (n,). frames: the frames of the samples, shape (n,).
     """
     off = core.surface.curved.TOLERANCE * series / stretch
     beyond = np.flatnonzero(off > FELT)

@@ -1,4 +1,7 @@
-"""How Blender cuts faces into triangles while they bend; read again only for faces that may be cut otherwise now."""
+"""Follow how Blender cuts faces into triangles while their vertices move.
+
+Triangles are read again only of faces that may be cut differently.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 ROUNDING = 32 * 2.0**-24
-"""Of the products below: each is off by less than 11 roundings of single precision, here and in Blender."""
+"""[-] Relative rounding of the products below. Each is off by less than 11 roundings of single precision here, and as
+much in Blender."""
 
 AT_ONCE = 8192
-"""Faces that are looked at in one go: numpy's own price is shared by many, and processors keep them at hand."""
+"""[faces] Number checked in one call: it shares the cost of numpy calls, and still fits into the processor's cache."""
 
 
 def triangle_loops(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
@@ -24,14 +28,16 @@ def triangle_loops(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
 
 
 class FaceCuts:
-    """The triangles of a mesh whose vertices move, as Blender cuts its faces at each moment.
+    """The triangles of a mesh with moving vertices, as Blender cuts its faces.
 
-    Blender cuts a quad from its first corner to its third unless the normals of these triangles point against each
-    other. It cuts a convex face of more corners always alike. Both can be told from the vertices, and much faster than
-    Blender hands out its triangles. All other faces, and those where rounding decides, are read again each time.
+    Blender cuts a quad from its first corner to its third unless the normals of the two triangles point against each
+    other. It always cuts a convex face of more corners in the same manner. Both conditions follow from the vertices, in
+    much less time than Blender takes to return its triangles. All other faces, and those for which rounding decides,
+    are read again each time.
 
     Args:
-        mesh: evaluated. corners: vertices of the face corners, shape (loops,). positions: of vertices, shape (V, 3).
+        mesh: the evaluated mesh. corners: vertices of the face corners, shape (loops,).
+        positions: positions of the vertices, shape (V, 3).
 
     Attributes:
         loops: the triangles by face corners, shape (T, 3); another array when one of them changes.
@@ -40,13 +46,13 @@ class FaceCuts:
     def __init__(self, mesh: bpy.types.Mesh, corners: NDArray[np.int32], positions: NDArray[np.float32]) -> None:
         self.loops = triangle_loops(mesh)
         self._corners = corners
-        self._groups: list[NDArray[np.intp]] = []  # vertices of the faces of a size, shape (size, n)
+        self._groups: list[NDArray[np.intp]] = []  # for each size of face, the faces' vertices, shape (size, n)
         if len(corners) == 3 * len(mesh.polygons):
             return
         sizes, self._starts = (np.empty(len(mesh.polygons), np.int32) for _ in range(2))
         mesh.polygons.foreach_get("loop_total", sizes)
         mesh.polygons.foreach_get("loop_start", self._starts)
-        first = np.cumsum(sizes - 2) - (sizes - 2)  # triangle of a face
+        first = np.cumsum(sizes - 2) - (sizes - 2)  # index of the first triangle of each face
         order = []
         for size in np.unique(sizes[sizes > 3]).tolist():
             own = np.flatnonzero(sizes == size)
@@ -58,17 +64,18 @@ class FaceCuts:
             self._kinds = [_kinds(*turns)[0] for turns in self._turns([positions])]
 
     def vertices(self, loops: NDArray[np.int32]) -> NDArray[np.int32]:
-        """Return triangles by vertices that are given by face corners, shape (T, 3)."""
+        """Return the vertices of triangles that are given by face corners, (T, 3)."""
         return self._corners[loops]
 
     def follow(
         self, places: Sequence[NDArray[np.float32]], mesh: bpy.types.Mesh | None = None
     ) -> list[NDArray[np.int32]]:
-        """Return the `loops` of the same faces at other positions, one after the other.
+        """Return the `loops` of the same faces at each of several positions.
 
         Args:
-            places: positions of the vertices, each of shape (V, 3).
-            mesh: the evaluated one, where it is at the only one of the places; without it one is made where needed.
+            places: positions of the vertices, each of shape (V, 3), in the order of time.
+            mesh: the evaluated mesh if there is one place only, and it is at that place; without it, a temporary mesh
+                is made where one is needed.
         """
         if not self._groups:
             return [self.loops] * len(places)
@@ -102,7 +109,10 @@ class FaceCuts:
         return out
 
     def _made(self, vertices: int) -> bpy.types.Mesh:
-        """Return a new mesh of these faces and so many vertices, which the caller removes."""
+        """Return a new mesh of these faces with a number of vertices.
+
+        The caller removes it.
+        """
         mesh = bpy.data.meshes.new("Dermis")
         mesh.vertices.add(vertices)
         mesh.loops.add(len(self._corners))
@@ -112,10 +122,10 @@ class FaceCuts:
         return mesh
 
     def _read(self, faces: NDArray[np.bool_], mesh: bpy.types.Mesh) -> None:
-        """Take the triangles of some faces from a mesh."""
+        """Read the triangles of some faces from a mesh."""
         first, count = self._first[faces], self._count[faces]
         rows = np.repeat(first - np.cumsum(count) + count, count) + np.arange(count.sum())
-        if 3 * len(rows) > len(self.loops):  # one by one takes three times as long
+        if 3 * len(rows) > len(self.loops):  # reading triangles singly takes three times as long each
             now = triangle_loops(mesh)[rows]
         else:
             mesh.calc_loop_triangles()
@@ -127,25 +137,30 @@ class FaceCuts:
     def _turns(
         self, places: Sequence[NDArray[np.float32]]
     ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
-        """Yield `_quads` or `_convex` of the faces of each size above 3, at each place."""
+        """Yield `_quads` or `_convex` of faces of each size above 3, at all places."""
         axes = np.ascontiguousarray(np.concatenate(places).T).reshape(3, len(places), -1)
         for own in self._groups:
             yield (_quads if len(own) == 4 else _convex)(axes.take(own, axis=2, mode="wrap"))
 
 
 def _kinds(turn: NDArray[np.float32], least: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return a number for each face: while it is not 0 and stays, so does the cut."""
+    """Return a number for each face that decides its cut.
+
+    While the number is not 0 and does not change, neither does the cut.
+    """
     return np.where(np.abs(turn) > least, np.sign(turn), np.float32(0))
 
 
 def _quads(points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return how much the halves of quads face the same way, negative for against each other, and the rounding bound.
+    """Return the dot products of the normals of quads' halves.
+
+    A product is negative if the halves face against each other.
 
     Args:
-        points: shape (3, m, 4, n).
+        points: coordinates of the corners of n quads at m places, shape (3, m, 4, n).
 
     Returns:
-        The numbers, and from what size on their signs are sure, each of shape (m, n).
+        The products, and the rounding bounds above which their signs are certain, each of shape (m, n).
     """
     sides = points[:, :, 1:] - points[:, :, :1]
     normals = _cross(sides[:, :, :2], sides[:, :, 1:])  # of the halves
@@ -155,10 +170,13 @@ def _quads(points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np
 
 
 def _convex(points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return the least turn of faces along their normal, 0 for one backwards, and from what size on it is sure.
+    """Return the least turn at the corners of faces about their normal.
+
+    It is 0 for a face with a turn backwards. The second result is the bound above which the turn is certain. Both have
+    shape (m, n).
 
     Args:
-        points: shape (3, m, size, n).
+        points: coordinates of the corners of n faces at m places, shape (3, m, size, n).
     """
     size = points.shape[2]
     spokes = points[:, :, 1:] - points[:, :, :1]
@@ -169,7 +187,8 @@ def _convex(points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[n
     turns = _dot(_cross(np.roll(sides, 1, axis=2), sides), normal)
     least = np.minimum(turns.min(axis=1), _dot(halves, normal).min(axis=1))
     reach = np.abs(spokes).max(axis=(0, 2))
-    # Blender turns the points themselves into the plane of the face, so rounding grows with how far away they are.
+    # Blender rotates the points themselves into the plane of the face, so rounding grows with their distance from the
+    # origin.
     far = np.abs(points).max(axis=(0, 2))
     return np.maximum(least, 0), size * ROUNDING * reach * far
 

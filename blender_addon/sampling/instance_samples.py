@@ -1,4 +1,7 @@
-"""Places and surfaces of instances, over the samples of a chunk; most stay, and are not touched then."""
+"""Record places and surfaces of instances over the samples of a chunk.
+
+Most of them do not change from sample to sample, which takes no time.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +21,19 @@ from .participants import Entry
 
 
 class InstanceSamples:
-    """Records the bodies whose surface instances show.
+    """Recorder of the bodies that are shown by instances.
 
     Args:
-        entries: of all bodies. meshes, reader: of surfaces, and of instances. unit: metres in a scene unit.
-        count: samples in a chunk. first: where instances first were that are not always there.
-        surfaces: of the header by name, None for bodies that bring their own with the chunks.
+        entries: entries of all bodies. meshes, reader: readers of surfaces and of instances.
+        unit: [m] length of a scene unit. count: largest number of samples in a chunk.
+        first: the instances that are bodies; for one that is not always present, its first place.
+        surfaces: surfaces of the header by name; None for bodies whose surfaces are in the chunks.
 
     Attributes:
-        bodies: indices of those that are recorded here.
-        placed: which of them have a place of their own, shape (m,); the others are where their object is.
-        places: to the world [scene units], of each at each sample; shape (m, count, 4, 4).
-        here, bare: when each is there, and when it has no faces, shape (m, count).
+        bodies: indices of the m bodies that are recorded here.
+        placed: whether each has its own place, shape (m,); the others are at the place of their object.
+        places: matrices to the world [scene units] of each at each sample, shape (m, count, 4, 4).
+        here, bare: whether each is present, and whether it has no faces, at each sample, shape (m, count).
     """
 
     def __init__(
@@ -53,7 +57,7 @@ class InstanceSamples:
         self.places = np.empty((size, count, 4, 4))
         self.here, self.bare = np.ones((size, count), bool), np.zeros((size, count), bool)
         self._now = np.tile(np.eye(4), (size, 1, 1))
-        self._known = np.zeros(size, bool)  # whether it was anywhere yet
+        self._known = np.zeros(size, bool)  # whether a place of it is known
         for s, entry in enumerate(self._entries):
             present = first.get(entry.instance)
             if present is not None and present.first is not None:
@@ -64,12 +68,12 @@ class InstanceSamples:
         self._at_start: list[Any] = []
         self._changed: dict[int, list[tuple[int, Any]]] = {}
         self._topology: dict[int, Topology] = {}
-        self._others: dict[int, list[int]] = {}  # at which samples of the chunk the pieces of a surface are others
-        self._strange: dict[Any, list[int]] = {}  # at which samples something is shown that no entry stands for
+        self._others: dict[int, list[int]] = {}  # samples of the chunk at which a surface gets other faces
+        self._strange: dict[Any, list[int]] = {}  # samples of the chunk that show a key without an entry
         self._shown: Shown | None = None
 
     def record(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
-        """Take sample k of the current frame."""
+        """Record the current frame as sample k."""
         if k == 0:
             self._at_start, self._changed = list(self._mesh_now), {}
             self._others, self._strange = {}, {}
@@ -86,7 +90,7 @@ class InstanceSamples:
             place = shown.places.get(key) if entry.instance is not None else None
             here = key in shown.surfaces
             if place is not None:
-                if not self._known[s]:  # held where it will be, so that no velocity comes of it
+                if not self._known[s]:  # earlier samples get this place too, so that it has no velocity
                     self.places[s, :k], self._known[s] = place, True
                 self._now[s] = place
             geometry = shown.surfaces.get(key)
@@ -112,7 +116,10 @@ class InstanceSamples:
                 self._strange.setdefault(key, []).append(k)
 
     def surfaces(self, n: int) -> dict[int, tuple[Any, ...]]:
-        """Return the surfaces of n samples by body; without those that keep the header's all the while."""
+        """Return the surfaces of n samples, by body.
+
+        Bodies that have the header's surface at all samples are left out.
+        """
         out = {}
         for s, body in enumerate(self.bodies):
             changed = [c for c in self._changed.get(s, ()) if c[0] < n]
@@ -138,7 +145,7 @@ class InstanceSamples:
         """Yield findings on the changes in the chunk that cannot be followed.
 
         Args:
-            frames: of the samples, shape (n,). present: when each is there, shape (m, n).
+            frames: frames of the samples, shape (n,). present: whether each body is present, shape (m, n).
         """
         for s, samples in self._others.items():
             samples = [k for k in samples if k < len(frames) and present[s, k]]

@@ -1,4 +1,7 @@
-"""Pieces of geometry joined to one surface, in the space of the object that shows them, as if they were realized."""
+"""Join pieces of geometry to one surface, as if they were realized.
+
+The surface is in the space of the object that shows the pieces.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +16,19 @@ from .._core import Array
 from .meshes import Geometry, Topology
 
 ROUNDING = 8 * 2.0**-24
-"""Of a product of two matrices and of its image by an inverse: four single-precision terms an entry, in each of two."""
+"""[-] Relative rounding of a place in the object's space: two matrix products, each of four single-precision terms per
+entry."""
 LINE = 1e-7
-"""Least ratio of a piece's second stretch to its first: one that is narrower is a line in single precision."""
+"""[-] Least ratio of the second largest stretch of a piece to the largest; a narrower piece is a line in single
+precision."""
 
 
 class Pieces(NamedTuple):
     """The same geometry in several places.
 
     Attributes:
-        ids: of each over time, rising. places: to the world [scene units], shape (n, 4, 4).
+        ids: identities of the places from frame to frame, in rising order.
+        places: matrices to the world [scene units], shape (n, 4, 4).
     """
 
     geometry: Geometry
@@ -35,9 +41,9 @@ class Joined:
     """A joined surface and its pieces.
 
     Attributes:
-        ids: of each geometry's pieces. local: in the space of the object, shape (n, 4, 4).
-        doubt: how far rounding may have put each entry of `local` off, shape (n, 4, 4).
-        turn: how often corners were turned on, see `_topology`.
+        ids: ids of the pieces of each geometry. local: matrices to the space of the object, shape (n, 4, 4).
+        doubt: bound of the rounding of each entry of `local`, shape (n, 4, 4).
+        turn: number of steps by which the corners of triangles are rotated, see `_topology`.
     """
 
     geometry: Geometry
@@ -50,17 +56,17 @@ class Joined:
 
 
 def join(pieces: Sequence[Pieces], place: Array, last: Joined | None) -> Joined | None:
-    """Join pieces to one surface; return the last one where nothing but rounding has changed.
+    """Join pieces to one surface; return `last` if only rounding has changed.
 
-    Blender's places are single precision: those of pieces that stand still on an object that moves are rounded anew
-    at every sample.
+    Blender's places are in single precision. The places of pieces that are at rest on a moving object are therefore
+    rounded anew at every sample.
 
     Args:
-        place: of the object that shows them, to the world [scene units], shape (4, 4).
-        last: of the same object.
+        place: matrix to the world of the object that shows them [scene units], shape (4, 4).
+        last: the surface that was joined last for the same object.
 
     Returns:
-        None where the object is scaled to nothing and no surface was joined before.
+        The joined surface. If the matrix of the object is singular or not finite, it is `last`, which may be None.
     """
     if not np.isfinite(place).all() or np.linalg.matrix_rank(place[:3, :3]) < 3:
         return last
@@ -81,7 +87,10 @@ def join(pieces: Sequence[Pieces], place: Array, last: Joined | None) -> Joined 
 
 
 def with_area(pieces: Pieces) -> Pieces:
-    """Return the pieces that are not scaled to a point or a line: those show nothing."""
+    """Return the pieces that are not scaled to a point or a line.
+
+    The others show nothing.
+    """
     linear = pieces.places[:, :3, :3]
     size = np.linalg.norm(linear, axis=(1, 2))
     doubtful = np.flatnonzero(~(np.abs(np.linalg.det(linear)) > LINE * size**3))
@@ -96,10 +105,10 @@ def with_area(pieces: Pieces) -> Pieces:
 def _topology(
     parts: Sequence[Geometry], ids: Any, mirrored: NDArray[np.bool_], last: Joined | None
 ) -> tuple[Topology, int]:
-    """Return the triangles of all pieces, and a number of turns.
+    """Return the triangles of all pieces, and the rotation of their corners.
 
-    The engine follows a vertex from sample to sample where the triangles are the same. Where other pieces have taken
-    the place of as many, they must not be: the triangles then begin at other corners.
+    The engine follows vertices from sample to sample while the triangles are the same. If other pieces replace as many
+    pieces of the same faces, their triangles must differ. They then begin at another corner.
     """
     turn = 0 if last is None else last.turn
     if (
@@ -135,14 +144,15 @@ def _positions(parts: Sequence[Geometry], ids: Any, local: Array) -> Array:
 
 
 def _normals(parts: Sequence[Geometry], ids: Any, local: Array, turn: int) -> NDArray[np.float32] | None:
-    """Return the normals of the corners; None where those of a piece are not known."""
+    """Return the normals of the corners; None if those of a piece are unknown."""
     blocks, at = [np.zeros((0, 3, 3), np.float32)], 0
     for part, own in zip(parts, ids, strict=True):
         if part.normals is None:
             return None
         linear = local[at : at + len(own), :3, :3]
         at += len(own)
-        # Normals go with the cofactors, which a flat piece has too: the inverse, transposed, times the determinant.
+        # Normals transform by the cofactor matrix (the inverse transpose times the determinant), which a flattened
+        # piece has as well.
         columns = [np.cross(linear[:, :, (j + 1) % 3], linear[:, :, (j + 2) % 3]) for j in range(3)]
         sign = np.where(np.linalg.det(linear) < 0, -1.0, 1.0)
         turned = np.stack(columns, axis=1) * sign[:, None, None]  # transposed, for rows

@@ -1,4 +1,4 @@
-"""The relief of a mesh, cast onto a touch screen by rays along the screen's own Z."""
+"""Cast the relief of a mesh onto a touch screen, along the screen's own Z."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def cast(
     centre: NDArray[np.float64],
     size: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], tuple[Any, ...]]:
-    """Cast rays against the screen's -Z onto its mesh object; return heights over the screen [m].
+    """Cast rays along a screen's -Z onto its mesh object; return heights [m].
 
-    Row 0 lies at the bottom; rays go through the middle of each pixel, in the current frame. Where none hits there is
-    the screen itself: height 0.
+    Heights are over the screen, at the current frame, and row 0 lies at the bottom. One ray goes through the middle of
+    each pixel. A pixel whose ray hits nothing shows the screen itself, and has height 0.
 
     Args:
-        unit: metres in a scene unit.
-        centre, size: of the screen's own mesh in its X and Y, see `height_maps.bounds`.
+        unit: [m] length of a scene unit.
+        centre, size: those of the screen's own mesh in its X and Y, see `height_maps.bounds`.
 
     Raises:
         DermisError: no mesh, a screen scaled to nothing, or nothing of the mesh over the screen.
@@ -89,13 +89,16 @@ def cast(
 
 
 class Frozen:
-    """Finds when a mesh first changes under a relief that was cast from it at the first frame.
+    """Watcher for the first change of a mesh from which a relief was cast.
 
-    A mesh that moves with its screen does not change on it.
+    The relief was cast at the first frame. A mesh that moves with its screen does not count as changed.
     """
 
     def __init__(self, screen: bpy.types.Object, depsgraph: bpy.types.Depsgraph, reshaped: bool) -> None:
-        """Take a screen and its mesh at the first frame; `reshaped` where the shape of one may change."""
+        """Note a screen and its mesh at the first frame.
+
+        `reshaped` says whether the shape of either may change.
+        """
         target = screen.dermis.screen.mesh_object
         self._names = screen.name_full, target.name_full
         self._uids = screen.session_uid, target.session_uid
@@ -110,7 +113,7 @@ class Frozen:
             return
         found = participants.look_up(set(self._uids))
         if len(found) < len(set(self._uids)):
-            return  # the recorder refuses this in words
+            return  # an object was deleted; the recorder raises an error for it
         place, *shapes = self._now(found[self._uids[0]], found[self._uids[1]], depsgraph)
         still = np.abs(place - self._first[0]).max() <= self._tolerance
         if still and all(now is first for now, first in zip(shapes, self._first[1:], strict=True)):
@@ -134,7 +137,10 @@ class Frozen:
 
 
 def grid(extent: NDArray[np.float64], resolution: int) -> tuple[int, int]:
-    """Return rows and columns with `resolution` points along the longer side and pixels as square as can be."""
+    """Return rows and columns of a grid of nearly square pixels.
+
+    The longer side has `resolution` pixels.
+    """
     longer = float(extent.max())
     columns, rows = (max(1, round(resolution * float(e) / longer)) for e in extent)
     return rows, columns
@@ -144,7 +150,7 @@ def _ray_grid(
     points: NDArray[np.float64], faces: NDArray[np.int32], extent: NDArray[np.float64], shape: tuple[int, int]
 ) -> NDArray[np.float64]:
     rows, columns = shape
-    # The tree works in single precision and has tolerances of its own: put the mesh into a box of size one.
+    # The tree works in single precision with fixed tolerances, so the mesh is scaled to coordinates of at most 1.
     size = float(np.abs(points).max()) or 1.0
     tree = BVHTree.FromPolygons((points / size).tolist(), faces.tolist(), all_triangles=True)
     top = float(points[:, 2].max()) / size + 1.0

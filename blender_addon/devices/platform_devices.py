@@ -1,7 +1,7 @@
-"""The look-up table of a finger's platform: whether it is at hand, and how it is made.
+"""Find and make the look-up table of a finger's platform.
 
-A table holds the effect of a device on one finger's skin. It is swept once for a mechanism, a size of finger and a
-number of configurations, by child processes, and kept with the skin.
+A table holds the effect of a device on one finger's skin. Child processes sweep it once for a mechanism, a size of
+finger and a number of configurations. It is kept with the skin.
 """
 
 from __future__ import annotations
@@ -24,18 +24,24 @@ _swept = {"tables": 0}
 
 
 def tables_made() -> int:
-    """Return how many tables were made in this session: where it rises, a platform that waited may have its own."""
+    """Return the number of tables made in this session.
+
+    When it rises, a platform that waits may have its table.
+    """
     return _swept["tables"]
 
 
 def absolute(values: dict[str, Any]) -> dict[str, Any]:
-    """Return a device's values with the path of its table for a process that knows no .blend."""
+    """Return a device's values with an absolute path of its table.
+
+    A child process, which does not open the .blend, needs this.
+    """
     table = values.get("table", "")
     return {**values, "table": bpy.path.abspath(table)} if table else values
 
 
 def model_of(obj: bpy.types.Object) -> core.skin.model.SkinModel | None:
-    """Return a finger's skin as devices are matched on it; None while it is being made.
+    """Return the skin on which devices are matched; None while it is being made.
 
     Raises:
         DermisError: a size that leaves no room for tissue.
@@ -46,7 +52,7 @@ def model_of(obj: bpy.types.Object) -> core.skin.model.SkinModel | None:
 
 
 def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable | None:
-    """Return the table that a finger's platform is looked up in; None where it must be made first.
+    """Return the look-up table of a finger's platform; None if it is not made.
 
     Raises:
         DermisError: a file that cannot be read, a table of another device, or a skin that cannot be made.
@@ -60,7 +66,10 @@ def table(obj: bpy.types.Object, device: Any) -> core.matching.table.SkinTable |
 
 
 def missing(obj: bpy.types.Object, device: Any) -> bool:
-    """Return whether a platform waits for its table; one that cannot be read is not missing: rendering says why."""
+    """Return whether a platform waits for its table.
+
+    A table that cannot be read is not missing; rendering reports the reason.
+    """
     if active_presets.searched(device) is not None:
         return False
     try:
@@ -72,7 +81,7 @@ def missing(obj: bpy.types.Object, device: Any) -> bool:
 def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
     """Sweep a finger's platform and keep the table; yield progress, return it.
 
-    Closing the generator ends the child processes; finished parts are kept, and the next sweep goes on from there.
+    Closing the generator ends the child processes. Finished parts are kept, and the next sweep continues with them.
 
     Raises:
         DermisError: no platform, a skin that cannot be made, or a sweep that fails.
@@ -84,7 +93,7 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
         )
     yield core.pipeline.bake.Progress("skin", 0, 1)
     skin, rows = skin_properties.parameters(obj.dermis.finger.skin), int(device.table_rows)
-    yield from skin_models.tables_made(skin)  # a bake makes them, and would look for one of that skin
+    yield from skin_models.tables_made(skin)  # a bake makes these tables, and then needs a platform's table for them
     steps = swept(spec, skin["skin"], skin["skin_level"], rows, skin["tissue"])
     model, made = yield from steps
     core.matching.lookup.keep_table(model, spec, rows, made)
@@ -93,9 +102,10 @@ def make(obj: bpy.types.Object, device: Any) -> Generator[Any, None, Any]:
 
 
 def make_missing(scene: bpy.types.Scene) -> Generator[Any, None, None]:
-    """Make the tables that a bake will need, so that it has progress and can be stopped.
+    """Make the tables that a bake will need; yield progress.
 
-    A table that cannot be made is left to the bake, which leaves that device out and says why.
+    Made here, they show progress and can be stopped. If a table cannot be made, the bake leaves that device out and
+    reports the reason.
     """
     for obj in sorted((o for o in scene.objects if o.dermis.role == "FINGER"), key=lambda o: o.name):
         for device in obj.dermis.finger.devices:
@@ -109,7 +119,9 @@ def make_missing(scene: bpy.types.Scene) -> Generator[Any, None, None]:
 def swept(
     spec: Any, skin: dict[str, Any], level: str, rows: int | None, tissue: str
 ) -> Generator[Any, None, tuple[Any, Any]]:
-    """Sweep a device on a skin in child processes; yield progress, return the skin's model and the table.
+    """Sweep a device on a skin; yield progress, return skin model and table.
+
+    Child processes do the work.
 
     Raises:
         DermisError: a skin that cannot be made, or a sweep that fails.

@@ -1,4 +1,7 @@
-"""Adapting a thimble to a finger: a child process learns, and its two files go where the methods look for them."""
+"""Adapt a thimble to a finger.
+
+A child process learns. It writes two files to the folder in which the methods search for them.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,14 @@ from .._core import DermisError, core
 from ..properties import skin_properties
 from . import active_presets, skin_models, thimble_devices
 
-MOVING = 600  # of the thousand steps that the engine tells; then it trains
+MOVING = 600  # number of the engine's 1000 progress steps in which the disc moves; in the others the network trains
 _told: core.recent.Recent[tuple[Path, float], dict[str, Any]] = core.recent.Recent(8)
 
 
 def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, Any]]:
-    """Adapt to a finger; yield progress, return test errors and number of samples.
+    """Adapt to a finger; yield progress, return test errors and sample count.
 
-    Closing the generator ends the child process and leaves no file of its own; an older adaptation stays.
+    Closing the generator ends the child process and removes its files. An older adaptation stays.
 
     Args:
         less: fewer 'trajectories' or 'iterations', for tests.
@@ -49,7 +52,7 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         **less,
     }
     where = f"finger '{obj.name}', skin"
-    # a bake makes them, and would then look for an adaptation learned on points
+    # A bake makes these tables, and then needs an adaptation that was learned on points of the skin.
     yield from skin_models.tables_made(skin)
     yield core.pipeline.bake.Progress("starting", 0, 1)
     with skin_models.one_thread():
@@ -71,7 +74,9 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
 
 
 def status(device: Any, model: Any) -> dict[str, Any] | None:
-    """Return the figures of the adaptation to a skin, such as 'network_error'; None where there is none.
+    """Return the figures of the adaptation to a skin; None without one.
+
+    An example is 'network_error'.
 
     Raises:
         DermisError: a preset or settings that cannot be used.
@@ -92,7 +97,7 @@ def _meta(path: Path) -> dict[str, Any]:
 
 
 def _remove(folder: Path, stem: str, *, whole: bool) -> None:
-    """Remove half-written files, and whole ones where they are not an older adaptation's."""
+    """Remove half-written files of an adaptation; with `whole`, whole ones too."""
     for path in folder.iterdir():
         mine = path.name.startswith(f".{stem}.") or (whole and path.name.startswith(f"{stem}."))
         if mine:

@@ -1,4 +1,4 @@
-"""How a thimble is used: from the artist's settings to the engine's `ThimbleUse`."""
+"""Turn the artist's settings of a thimble into the engine's `ThimbleUse`."""
 
 from __future__ import annotations
 
@@ -15,16 +15,19 @@ from ..properties import object_properties, skin_properties
 from . import active_presets, skin_models
 
 _uses: core.recent.Recent[str, Any] = core.recent.Recent(8)
-_there: core.recent.Recent[str, bool] = core.recent.Recent(8)  # uses whose tables are in memory
+_there: core.recent.Recent[str, bool] = core.recent.Recent(8)  # keys of the uses whose tables are in memory
 
 
 def folder(*, create: bool = False) -> Path:
-    """Return the folder of the adaptations to fingers."""
+    """Return the folder of the adaptations of thimbles to fingers."""
     return user_folder("surrogates", create=create)
 
 
 def parameters_of(device: Any) -> dict[str, Any]:
-    """Return a device's values for the engine; learned methods look for their files where adaptations are kept."""
+    """Return a device's values for the engine.
+
+    A learned method without a path gets the folder of the adaptations.
+    """
     values = object_properties.parameters(device)
     if method_of(device) in core.matching.thimble_use.LEARNED:
         given = values["thimble_surrogate"]
@@ -33,24 +36,27 @@ def parameters_of(device: Any) -> dict[str, Any]:
 
 
 def method_of(device: Any) -> str:
-    """Return how a device's pose is searched for; '' where it is not."""
+    """Return the method of searching a device's pose; '' for other devices."""
     spec = active_presets.searched(device)
     return "" if spec is None else str(getattr(device, core.matching.thimble_use.method_name(spec)))
 
 
 def pressed(finger: bpy.types.Object, model: Any) -> Any:
-    """Return a finger's skin as a thimble is matched on it: where its touches are solved, the disc follows them."""
+    """Return a finger's skin as a thimble is matched on it.
+
+    The thimble is matched where the contact is solved, on nodes or on points.
+    """
     return model.on_nodes if finger.dermis.finger.skin.contact == "nodes" else model
 
 
 def use_of(device: Any) -> dict[str, Any]:
-    """Return those of a device's values that say how its pose is searched for."""
+    """Return the values of a device that describe the search of its pose."""
     values = parameters_of(device).items()
     return {name: value for name, value in values if name.startswith("thimble_") or name == "platform_method"}
 
 
 def prepared(device: Any, model: Any) -> Any:
-    """Return how a thimble is used on a skin.
+    """Return the `ThimbleUse` of a thimble on a skin.
 
     Raises:
         DermisError: a preset or settings that cannot be used.
@@ -70,9 +76,9 @@ def _key(spec: Any, model: Any, values: dict[str, Any]) -> str:
 
 
 def waits(finger: bpy.types.Object, device: Any, model: Any) -> str:
-    """Return in words why a thimble on a finger waits, '' where all that following it needs is there.
+    """Return a text on why a thimble on a finger waits; '' if it is ready.
 
-    A child process makes the tables where they never were, and a thread reads them. Without a window nothing waits.
+    It waits for its tables: a child process makes new ones, and a thread reads them. Without a window nothing waits.
 
     Args:
         model: the finger's skin, see `pressed`.
@@ -120,7 +126,7 @@ def _kept(mark: str) -> bool:
 
 
 def adapted(device: Any, model: Any) -> Path | None:
-    """Return the files of the adaptation to a skin, or None where there is none.
+    """Return the .npz of the adaptation to a skin; None without both its files.
 
     Raises:
         DermisError: a preset or settings that cannot be used.
@@ -137,7 +143,7 @@ def adapted(device: Any, model: Any) -> Path | None:
 
 
 def forget() -> None:
-    """Read everything anew: a surrogate came or went."""
+    """Drop everything read, as after a surrogate was added or removed."""
     active_presets.forget()
     _uses.clear()
     _there.clear()

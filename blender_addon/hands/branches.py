@@ -1,4 +1,7 @@
-"""Readings of hands by how bones branch and lie, whatever they are called. Knows nothing of Blender."""
+"""Propose readings of hands from how bones branch and lie.
+
+Names of bones hardly matter here. This module does not use Blender.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +14,23 @@ from .._core import Array
 from .bone_names import FINGERS, Label, is_foot, labels, side_of
 from .skeleton import Bone, Chain, Hand, ancestors, ended, joints
 
-_FEWEST, _MOST = 3, 5  # fingers of a hand
-_ALONG = 0.7  # of the way from a bone's head to the next bone: what begins before, and carries nothing, is a helper
-_DISTINCT = 0.35  # [rad] how far one of four fingers points away from the others' mean if it is a thumb
-_ACROSS = 0.7  # [rad] more than the others: it lies across the palm, as no finger but a thumb does, however long it is
+_FEWEST, _MOST = 3, 5  # least and largest number of fingers of a hand
+# Share of the distance from a parent's head to its farthest child; a nearer child without children is a helper.
+_ALONG = 0.7
+_DISTINCT = 0.35  # [rad] least angle between a thumb and the mean of the others in a hand of fewer than five fingers
+# [rad] A finger whose angle to the mean of the others is larger by this than any other angle lies across the palm. Only
+# a thumb does so, whatever its length.
+_ACROSS = 0.7
 
 
 def branched_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> list[Hand]:
-    """Return readings of hands: palms from which three to five chains of two bones and more go out.
+    """Return readings of hands from how bones branch.
 
-    Each palm has several: the last bones of its chains are fingertips or only mark the end, and the thumb is one of
-    the chains or another.
+    A palm has three to five chains of at least two bones. It has several readings: the last bones of its chains are
+    fingertips or only mark the end, and different chains may be the thumb.
 
     Args:
-        weighted: names of bones that vertices follow.
+        weighted: names of the bones that vertices follow.
     """
     children = _children(bones)
     said = labels(bones)
@@ -34,16 +40,17 @@ def branched_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) ->
         enough = _FEWEST <= len(below) <= _MOST and len(children[name]) > 1
         if enough and all(len(names) > 1 for names in below) and not any(map(is_foot, _names(bones, name, below))):
             palms[name] = below
-    # The palm is the bone nearest to the fingers; who carries it has the same ones.
+    # The palm is the bone nearest to the fingers; the bones that carry it have the same fingers.
     near = [palm for palm in palms if not any(_carries(bones, palms, palm, other) for other in palms)]
     return [hand for palm in near for hand in _readings(bones, palm, palms[palm], weighted, said)]
 
 
 def opposes(start: Array, thumb: Array, others: list[Array]) -> bool:
-    """Return whether a finger is a thumb, by lines of joints (n, 3): it points away from the others, seen from `start`.
+    """Return whether a finger is a thumb: it points away from the others.
 
-    Of fewer than five fingers it may be one of four long ones; a thumb points well away and reaches less far, or it
-    lies across the palm, as a robot's does.
+    Its direction is seen from `start`, and fingers are lines of joints, shape (n, 3). A hand of fewer than five fingers
+    may have no thumb. There, a thumb points well away and reaches less far than the others, or it lies across the palm,
+    as that of a robot does.
     """
     away = _angles_away(start, [thumb, *others])
     beyond = away[0] - max(away[1:])
@@ -55,7 +62,10 @@ def opposes(start: Array, thumb: Array, others: list[Array]) -> bool:
 
 
 def _angles_away(start: Array, lines: list[Array]) -> list[float]:
-    """Return how far each finger points away from the mean of the others, seen from the wrist [rad]."""
+    """Return the angle of each finger to the mean of the others [rad].
+
+    Directions are seen from `start`.
+    """
     ways = np.array([_unit(line[-1] - start) for line in lines])
     others = (_unit(np.delete(ways, i, axis=0).sum(axis=0)) for i in range(len(ways)))
     return [float(np.arccos(np.clip(way @ other, -1.0, 1.0))) for way, other in zip(ways, others, strict=True)]
@@ -82,9 +92,10 @@ def _carries(bones: Mapping[str, Bone], palms: Mapping[str, list[list[str]]], pa
 
 
 def _children(bones: Mapping[str, Bone]) -> dict[str, list[str]]:
-    """Return what hangs on each bone, without helpers: what only twists or bulges with it leads nowhere.
+    """Return the children of each bone, without helpers.
 
-    A helper carries nothing, and begins well before another one on the same bone, or where that bone itself does.
+    Helpers only twist or bulge with a bone. A helper has no children. It begins where its parent begins, or well before
+    another child of its parent.
     """
     children: dict[str, list[str]] = defaultdict(list)
     for bone in bones.values():
@@ -104,7 +115,10 @@ def _leaves(children: Mapping[str, list[str]], name: str) -> list[str]:
 
 
 def _bones(bones: Mapping[str, Bone], children: Mapping[str, list[str]], leaf: str, palm: str) -> list[str]:
-    """Return the bones that end in a leaf, outermost last, as far as nothing else hangs on them."""
+    """Return the bones that end in a leaf, outermost last.
+
+    They begin after the palm, or after the last bone that branches.
+    """
     names: list[str] = []
     for name in ancestors(bones, leaf):
         if name == palm or len(children.get(name, [])) > 1:
@@ -116,14 +130,18 @@ def _bones(bones: Mapping[str, Bone], children: Mapping[str, list[str]], leaf: s
 def _assignments(
     bones: Mapping[str, Bone], palm: Array, chains: list[Chain], said: Mapping[str, Label]
 ) -> Iterator[dict[str, Chain]]:
-    """Yield which chain may be which finger: as names say, then as they lie: the thumb points away from the others."""
+    """Yield possible assignments of chains to fingers.
+
+    The first is by names if all chains have names of different fingers. The others are by position: the thumb is one of
+    the two chains that point farthest away, or there is none.
+    """
     votes = [Counter(said[name].finger for name in chain.bones if name in said).most_common(1) for chain in chains]
     named = {vote[0][0]: chain for vote, chain in zip(votes, chains, strict=True) if vote}
     if len(named) == len(chains):
         yield named
     lines = [joints(bones, chain) for chain in chains]
     away = _angles_away(palm, lines)
-    rows: list[tuple[int, ...]] = []  # chains from the thumb, or the index finger, to the little one
+    rows: list[tuple[int, ...]] = []  # chains from the thumb to the little finger
     for thumb in sorted(range(len(chains)), key=lambda i: -away[i])[:2]:
         across = _in_line(lines, [i for i in range(len(chains)) if i != thumb])
         rows += [(thumb, *across), (thumb, *across[::-1])]
@@ -136,7 +154,7 @@ def _assignments(
 
 
 def _in_line(lines: list[Array], which: Collection[int]) -> tuple[int, ...]:
-    """Return chains in their order across the palm, by their knuckles."""
+    """Return chains in the order of their knuckles across the palm."""
     knuckles = np.array([lines[i][0] for i in which])
     centred = knuckles - knuckles.mean(axis=0)
     across = np.linalg.svd(centred)[2][0]

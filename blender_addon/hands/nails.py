@@ -1,7 +1,8 @@
-"""On which side of a fingertip the nail is: by how the finger curls, and by the palm. Knows nothing of Blender.
+"""Find the side of a fingertip on which the nail is.
 
-Axes of bones are no help: every tool rolls them its own way. But a finger bends towards the palm and nowhere else, and
-the back of a hand is known from its knuckles, its wrist, and whether it is a left or a right one.
+The axes of bones do not show it, because every tool rolls bones differently. But a finger bends only towards the palm.
+The back of a hand follows from its knuckles, its wrist, and whether it is a left or a right hand. This module does not
+use Blender.
 """
 
 from __future__ import annotations
@@ -14,19 +15,21 @@ import numpy as np
 from .._core import Array
 from .bone_names import FINGERS, LEFT, RIGHT
 
-_PALM = 0.3  # weight of the palm beside the sine of the bend: a finger bent by 17 degrees counts as much
-_AGAINST = -0.25  # mean sine of the fingers' bends at which a side's name is not believed: 15 degrees backwards
-_SURE = 0.05  # evidence below it is a guess
-# A thumb lies with its nail turned outwards: shares of the palm's back and of the way from the fingers to the thumb.
+_PALM = 0.3  # weight of the palm against the sine of a bend; a bend of 17 degrees has the same weight
+_AGAINST = -0.25  # mean sine of the bends below which the named side is not believed: 15 degrees backwards
+_SURE = 0.05  # evidence below this value is a guess
+# A thumb's nail is turned outwards. These are the shares of the direction of the palm's back, and of the direction from
+# the fingers to the thumb.
 _THUMB = (0.45, 0.9)
 
 
 @dataclass(frozen=True)
 class Nails:
-    """Directions of the nails at rest, each square to its finger's last phalanx, and how sure they are.
+    """Directions of the nails at rest.
 
     Attributes:
-        side: 'L' or 'R', as the bones lie. sure: bends or a name say so; else it is a guess.
+        directions: direction of each finger's nail, perpendicular to its last phalanx.
+        side: 'L' or 'R', from the position of the bones. sure: whether bends or a name show it; else it is a guess.
     """
 
     directions: Mapping[str, Array]
@@ -35,13 +38,13 @@ class Nails:
 
 
 def nails(lines: Mapping[str, Array], wrist: Array | None, side: str, bends: Mapping[str, Array]) -> Nails:
-    """Return where nails look.
+    """Return the directions of the nails of a hand.
 
     Args:
         lines: joints of each finger at rest from the knuckle to the tip, shape (n, 3).
-        wrist: shape (3,); None where no bone is there.
-        side: 'L', 'R', or '' where names do not say.
-        bends: how the fingers are posed, as `curl` gives it, turned back to the rest; counts as much as the rest does.
+        wrist: place of the wrist, shape (3,); None without a bone there.
+        side: 'L', 'R', or '' if names have no side.
+        bends: `curl` of the posed fingers, rotated back to the rest; it has the same weight as that of the rest.
     """
     curls = {finger: 0.5 * (curl(line, finger) + bends[finger]) for finger, line in lines.items()}
     palm = _palm(lines, wrist)
@@ -68,9 +71,9 @@ def nails(lines: Mapping[str, Array], wrist: Array | None, side: str, bends: Map
 
 
 def curl(line: Array, finger: str) -> Array:
-    """Return the direction away from which a finger bends, times the sine of its bend, shape (3,).
+    """Return the direction opposite to a finger's bend, times the bend's sine.
 
-    Of a thumb only the last joint counts: those below it turn it as well.
+    Its shape is (3,). Of a thumb only the last joint counts, because its other joints turn it as well.
     """
     ways = np.diff(line, axis=0)
     ways = ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-30)
@@ -80,7 +83,11 @@ def curl(line: Array, finger: str) -> Array:
 
 
 def _palm(lines: Mapping[str, Array], wrist: Array | None) -> tuple[Array, Array, Array] | None:
-    """Return directions from the index finger to the little one, from wrist to fingers, and a right hand's back."""
+    """Return three unit directions of a palm; None if they are unknown.
+
+    They are from the index finger to the little finger, from the wrist to the fingers, and out of the back of a right
+    hand.
+    """
     fingers = [finger for finger in FINGERS[1:] if finger in lines]
     if len(fingers) < 2:
         return None
@@ -97,7 +104,7 @@ def _palm(lines: Mapping[str, Array], wrist: Array | None) -> tuple[Array, Array
 
 
 def _carried(back: Array, along: Array, line: Array) -> Array:
-    """Carry the hand's back along a finger: bend by bend, without a twist."""
+    """Carry the direction of the hand's back along a finger, without a twist."""
     way = along
     for step in np.diff(line, axis=0):
         ahead = step / max(float(np.linalg.norm(step)), 1e-30)
@@ -110,7 +117,10 @@ def _carried(back: Array, along: Array, line: Array) -> Array:
 
 
 def _thumb_vote(lines: Mapping[str, Array], back: Array) -> float:
-    """Return how far a thumb's tip lies on the back's side of the knuckles; a real one's is on the palm's."""
+    """Return evidence for `back` from the place of a thumb's tip.
+
+    It is positive if the tip lies on the palm's side of the knuckles, as that of a real thumb does.
+    """
     if FINGERS[0] not in lines:
         return 0.0
     thumb = lines[FINGERS[0]]
@@ -119,7 +129,7 @@ def _thumb_vote(lines: Mapping[str, Array], back: Array) -> float:
 
 
 def _square(line: Array, way: Array) -> Array:
-    """Return the part of a direction that is square to a finger's last phalanx, of length one."""
+    """Return the unit direction perpendicular to a finger's last phalanx."""
     ahead = line[-1] - line[-2]
     ahead = ahead / max(float(np.linalg.norm(ahead)), 1e-30)
     way = way - (way @ ahead) * ahead
@@ -128,6 +138,6 @@ def _square(line: Array, way: Array) -> Array:
 
 
 def _any(line: Array) -> Array:
-    """Return a direction that a finger does not have: up, else forwards."""
+    """Return a direction not parallel to a finger's end: Z, else Y."""
     ahead = np.abs(line[-1] - line[-2])
     return np.array([0.0, 1.0, 0.0]) if ahead[2] > 0.9 * np.linalg.norm(ahead) else np.array([0.0, 0.0, 1.0])

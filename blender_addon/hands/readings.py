@@ -1,8 +1,9 @@
-"""Readings of an armature's bones as hands: names and branches propose them, and one score decides.
+"""Choose the readings of an armature's bones as hands.
 
-A reading says which chains of bones are the fingers of a hand. The score asks of each finger: has it the bones of a
-finger, in likely lengths? Is its last bone the last one? Does a mesh follow it? Does its knuckle lie half way between
-wrist and tip? Do names agree? And of the whole: does the thumb oppose the others? Knows nothing of Blender.
+A reading says which chains of bones are the fingers of a hand. Names and branches of bones propose readings, and one
+score decides. A finger scores for the number and the likely lengths of its bones, for a last bone with no other bones
+beyond it, for a mesh that follows it, for a knuckle half way between wrist and tip, and for agreeing names. The whole
+scores for a thumb that opposes the others. This module does not use Blender.
 """
 
 from __future__ import annotations
@@ -18,30 +19,32 @@ from .bone_names import FINGERS, Label, labels
 from .branches import branched_hands, opposes
 from .skeleton import LIKELY, PHALANGES, Bone, Chain, Hand, ancestors, joints, named_hands
 
-# Shares of a finger's score, which is a whole chain's 1 and these.
-_NAMED = 1.0  # all of its bones have the finger's name
-_SKIN = 0.5  # a mesh follows its bones
-_KNUCKLE = 0.5  # its knuckle lies where a hand has it
-_GOES_ON = 0.5  # less, where bones lie beyond its last one
-_OPPOSED = 0.5  # the thumb points away from the others more than any other finger
-_DEFORMS = 0.05  # its bones deform: of equal layers of a rig, the one made for meshes
-_WHOLE = {1: 0.2, 2: 0.7, PHALANGES: 1.0}  # by the number of bones
-_SPREAD = 0.5  # standard deviation of the logarithm of palm over finger; in people both are as long, within a fifth
-_BEYOND = 0.3  # of the last bone's length: a bone that begins nearer to its head does not lie beyond it
-_RIVAL = 0.5  # of the best score; readings with less are not offered
+# Parts of a score. A finger has that of its number of bones, and these.
+_NAMED = 1.0  # for bones that all have the finger's name
+_SKIN = 0.5  # for bones that vertices follow
+_KNUCKLE = 0.5  # for a knuckle where a hand has it
+_GOES_ON = 0.5  # taken off if bones lie beyond its last bone
+_OPPOSED = 0.5  # of a hand, for a thumb that points away from the others; taken off if the thumb does not
+_DEFORMS = 0.05  # for bones that deform; of equal layers of a rig, this prefers the one made for meshes
+_WHOLE = {1: 0.2, 2: 0.7, PHALANGES: 1.0}  # for the number of bones
+_SPREAD = 0.5  # standard deviation of log(palm / finger); in people the two lengths agree to within a fifth
+_BEYOND = 0.3  # share of the last bone's length; a bone that begins nearer to its head does not lie beyond it
+_RIVAL = 0.5  # share of the best score; readings with a lower score are not offered
 
 
 def found_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> list[Hand]:
-    """Return the hands of an armature, each by its best reading with the others as its rivals, best hand first.
+    """Return the hands of an armature, the best first.
+
+    Each is the best reading of a hand, with the other readings as its rivals.
 
     Args:
-        weighted: names of bones that vertices follow.
+        weighted: names of the bones that vertices follow.
     """
     judge = _Judge(bones, weighted)
     groups: list[list[Hand]] = []
     for hand in (*named_hands(bones, weighted), *branched_hands(bones, weighted)):
         if not all(np.ptp(joints(bones, chain)[-2:], axis=0).any() for chain in hand.chains.values()):
-            continue  # markers of ends, as robots have them, are no fingers
+            continue  # a last phalanx of no length: such chains of markers, as robots have them, are no fingers
         hand = judge.judged(hand)
         group = next((g for g in groups if any(_same(hand, other) for other in g)), None)
         if group is None:
@@ -49,7 +52,7 @@ def found_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> li
         if not any(other.chains == hand.chains for other in group):
             group.append(hand)
     best = [_best(group) for group in groups]
-    # Chains that leave one bone may be a skirt or a foot: where names tell hands, only those are hands.
+    # Chains from one bone may also be a skirt or a foot. If any hand has names of fingers, only such hands are kept.
     told = [hand for hand in best if hand.named_fingers]
     return sorted(told or best, key=lambda hand: -hand.score)
 
@@ -62,12 +65,12 @@ def _same(one: Hand, other: Hand) -> bool:
 
 
 def _best(group: list[Hand]) -> Hand:
-    order = sorted(group, key=lambda hand: -hand.score)  # of equals the first proposed
+    order = sorted(group, key=lambda hand: -hand.score)  # equal scores keep the order in which they were proposed
     return replace(order[0], rivals=tuple(hand for hand in order[1:] if hand.score > _RIVAL * order[0].score))
 
 
 class _Judge:
-    """Scores readings of an armature."""
+    """Judge that scores the readings of an armature."""
 
     def __init__(self, bones: Mapping[str, Bone], weighted: Collection[str]) -> None:
         self.bones, self.weighted = bones, weighted
@@ -78,7 +81,7 @@ class _Judge:
                 self.below[above].append(name)
 
     def judged(self, hand: Hand) -> Hand:
-        """Return a hand with its score, and the number of its fingers that names agree about."""
+        """Return a hand with its score and the number of its named fingers."""
         lines = {finger: joints(self.bones, chain) for finger, chain in hand.chains.items()}
         wrist = self.bones[hand.wrist].head if hand.wrist else None
         named = {finger: self._named(finger, chain) for finger, chain in hand.chains.items()}
@@ -103,7 +106,10 @@ class _Judge:
         return score
 
     def _beyond(self, chain: Chain) -> Iterator[bool]:
-        """Yield, for each bone that hangs on a chain's last one and not on its end, whether it lies beyond it."""
+        """Yield whether each bone below a chain's last bone lies beyond it.
+
+        The bone that marks the end, and the bones below that, are left out.
+        """
         last = self.bones[chain.last]
         reach = _BEYOND * float(np.linalg.norm(last.tail - last.head))
         ends = {chain.end, *self.below.get(chain.end, ())}
@@ -112,7 +118,10 @@ class _Judge:
                 yield float(np.linalg.norm(self.bones[name].head - last.head)) > reach
 
     def _named(self, finger: str, chain: Chain) -> float:
-        """Return the share of a chain's bones that have the finger's name, less where most have another's."""
+        """Return the share of a chain's bones that have the finger's name.
+
+        If more bones have the name of another finger, their share is taken off.
+        """
         votes = Counter(self.labels[name].finger for name in chain.bones if name in self.labels)
         share = votes[finger] / len(chain.bones)
         others = max((count for other, count in votes.items() if other != finger), default=0) / len(chain.bones)
@@ -120,7 +129,11 @@ class _Judge:
 
 
 def _opposed(lines: Mapping[str, Array], wrist: Array | None) -> float:
-    """Return 1 where the thumb opposes the fingers from the index finger's side, -1 where it does not, else 0."""
+    """Return 1 for a thumb that opposes the fingers from the index's side.
+
+    Return -1 for a thumb that does not oppose, and 0 for one on the other side, without a thumb or with too few
+    fingers.
+    """
     thumb, others = FINGERS[0], [lines[finger] for finger in FINGERS[1:] if finger in lines]
     if thumb not in lines or len(others) < 2:
         return 0.0

@@ -1,7 +1,8 @@
-"""Baked commands as F-curves, for looking at beside the animation: custom properties with keys that nothing reads.
+"""Write baked commands as F-curves, to be viewed beside the animation.
 
-They lie on the finger's mesh, or on the finger itself where it has neither a mesh of its own nor keys: there they have
-an action of their own, the Graph Editor shows them with the finger, and nobody's animation is touched.
+The curves are keys of custom properties that nothing reads. They are on the finger's mesh. If that is shared or has an
+action, they are on the finger itself, if it has no action. There they have an action of their own, the Graph Editor
+shows them with the finger, and no existing animation is changed.
 """
 
 from __future__ import annotations
@@ -15,14 +16,14 @@ import numpy as np
 from .. import changes, compat, identity, scene_time
 from .._core import DermisError, core
 
-MARK = "dermis_commands"  # on what holds curves, the names of its properties; on an action, that it is ours
-DISPLAYED = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / math.pi)}  # other units are shown as they are
+MARK = "dermis_commands"  # property with the names of a holder's properties; on an action, the mark of the add-on
+DISPLAYED = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / math.pi)}  # shown unit and factor; other units are not converted
 LIMIT_COLOUR = (0.85, 0.33, 0.27)
-LONGEST = 60  # letters of a property's name: Blender takes 63
+LONGEST = 60  # [letters] longest name of a property; Blender allows 63
 
 
 class Written(NamedTuple):
-    """How many curves with how many keys were written, and for whom that was not possible."""
+    """Numbers of written curves and keys, and findings on fingers without."""
 
     curves: int
     keys: int
@@ -30,15 +31,16 @@ class Written(NamedTuple):
 
 
 def write(scene: bpy.types.Scene, result: Any, *, rate: float = 0.0) -> Written:
-    """Write the commands of a stored `Result` as locked curves, in place of those that are there.
+    """Write the commands of a stored `Result` as locked curves.
+
+    They replace existing ones. Values between the bake's samples are interpolated.
 
     Args:
-        rate: keys a second [Hz], between frames too; 0: a value at each whole frame, without keys where
-            Blender evaluates whole frames there. Values between the
-            bake's samples are interpolated.
+        rate: [Hz] rate of the keys, which lie between frames too. 0 gives a value at each whole frame; these are
+            samples, not keys, if Blender evaluates whole frames there.
 
     Raises:
-        DermisError: no finger of the bake can hold curves; the first one's reason.
+        DermisError: no finger of the bake can hold curves; the error is that of the first.
     """
     curves = keys = 0
     findings: list[Any] = []
@@ -60,7 +62,10 @@ def write(scene: bpy.types.Scene, result: Any, *, rate: float = 0.0) -> Written:
 
 
 def remove(scene: bpy.types.Scene) -> int:
-    """Take all curves of a scene's fingers away, with their properties and actions; return from how many fingers."""
+    """Remove all curves of a scene's fingers, with properties and actions.
+
+    Returns the number of holders of curves; copies of a finger may share one.
+    """
     found = _holders(scene)
     with changes.muted():
         for holder in found:
@@ -81,7 +86,7 @@ def remove(scene: bpy.types.Scene) -> int:
 
 def present(scene: bpy.types.Scene) -> bool:
     """Return whether any finger has curves."""
-    # panels ask: most files have few actions, and none of ours
+    # Panels call this often. Most files have few actions, none of which has the mark.
     return any(MARK in action for action in bpy.data.actions) and bool(_holders(scene))
 
 
@@ -120,7 +125,7 @@ def _free(place: Any) -> bool:
 def _write(
     scene: bpy.types.Scene, holder: Any, finger: str, outputs: list[Any], result: Any, rate: float
 ) -> tuple[int, int]:
-    """Write the curves of one finger; return how many, and how many keys."""
+    """Write the curves of one finger; return the numbers of curves and keys."""
     action = bpy.data.actions.new(f"{finger} Commands")
     action[MARK] = True
     slot = action.slots.new(id_type=holder.id_type, name=holder.name)
@@ -143,7 +148,7 @@ def _write(
             curve = bag.fcurves.new(f'["{bpy.utils.escape_identifier(name)}"]', index=0)
             curve.group = group
             compat.fill(curve, at, values)
-            if sampled:  # samples, which nobody can edit, and which are no keys to step along in the timeline
+            if sampled:  # samples cannot be edited, and the timeline does not jump to them as it does to keys
                 curve.convert_to_samples(int(at[0]), int(at[-1]) + 1)
             names.append(name)
             return curve

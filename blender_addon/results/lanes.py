@@ -1,4 +1,7 @@
-"""Forces of each finger and commands of its devices over the frames: series of a bake for the strip."""
+"""Prepare the series of a bake for the strip.
+
+They are the force of each finger and the state of its devices over the frames.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +19,8 @@ from . import stored_skins
 
 Kind = Literal["force", "touch", "mismatch", "limited", "doubt"]
 
-AT_LIMIT = ("at_limit", "clipped")  # signals that tell of limits: of a pin array how many pins, of a platform whether
-CLOSE = 1e-6  # of a limit: a value as near as this lies on it
+AT_LIMIT = ("at_limit", "clipped")  # signals of limits: above 0 where pins of an array, or a platform, are at a limit
+CLOSE = 1e-6  # relative distance within which a value counts as on a limit
 
 
 class Series(NamedTuple):
@@ -33,27 +36,27 @@ class Lane:
 
     Attributes:
         finger: the object's name.
-        series: by kind: force [N], touch (0 or 1), mismatch (relative), limited (0 or 1), doubt (0 or 1);
-            one a device or skin.
+        series: series by kind: force [N], touch (0 or 1), mismatch (relative), limited (0 or 1), doubt (0 or 1). A kind
+            has one series for each device or skin.
     """
 
     finger: str
     series: Mapping[Kind, tuple[Series, ...]] = field(default_factory=dict)
 
     def most(self, kind: Kind) -> float:
-        """Return the largest value of a kind, 0 where there is none."""
+        """Return the largest value of a kind; 0 without one."""
         return max((float(np.nanmax(s.values)) for s in self.series.get(kind, ()) if len(s.values)), default=0.0)
 
     @property
     def says(self) -> str:
-        """Title of the lane, for people."""
+        """Title of the lane."""
         parts = [f"{self.finger}:"]
         if "force" in self.series:
             parts.append(f"force, up to {self.most('force'):.3g} N")
         else:
             parts.append("touch" if self.most("touch") else "no touch")
         if "mismatch" in self.series:
-            most = self.most("mismatch")  # of the target, which is next to nothing where a touch begins
+            most = self.most("mismatch")  # relative to the target, which is close to zero where a touch begins
             parts.append(
                 f"· mismatch, up to {100.0 * most:.0f} %" if most <= 1.0 else "· mismatch, above 100 % at times"
             )
@@ -65,7 +68,7 @@ class Lane:
 
 
 class Mark(NamedTuple):
-    """A finding at its first frame; `finger` is '' where it concerns none in particular."""
+    """A finding at its first frame; `finger` is '' if it names no finger."""
 
     frame: float
     finger: str
@@ -74,7 +77,10 @@ class Mark(NamedTuple):
 
 
 def lanes_of(result: Any) -> tuple[Lane, ...]:
-    """Return a lane for every finger of a stored `Result`, thumb first, others as the bake has them."""
+    """Return a lane for every finger of a stored `Result`, thumb first.
+
+    Objects without the name of a finger follow in the order of the bake.
+    """
     found: dict[str, dict[Kind, list[Series]]] = {}
 
     def add(finger: str, kind: Kind, frames: Array, values: Array) -> None:
@@ -97,8 +103,8 @@ def lanes_of(result: Any) -> tuple[Lane, ...]:
 def limited(track: Any, signals: Mapping[str, Array]) -> NDArray[np.bool_]:
     """Return at which samples a device was limited, shape (n,).
 
-    A track counts how many samples a limiter changed and not which: those on a limit that was at work, where the value
-    is not at rest, are taken for them.
+    A track has the number of samples that a limiter changed, but not which. If a limiter changed any sample, those that
+    lie on its limit count as limited; values at rest do not count as on a range.
     """
     mask = np.zeros(len(track.times), bool)
     for name in AT_LIMIT:
@@ -131,7 +137,10 @@ def _at_work(track: Any, channel: str) -> list[str]:
 
 
 def marks_of(findings: Sequence[Any]) -> tuple[Mark, ...]:
-    """Return a mark for every finding that knows its frame, in the order of frames; equal ones once."""
+    """Return a mark for every finding that has a frame, in order of frames.
+
+    Equal marks are returned once.
+    """
     marks = {}
     for finding in findings:
         if finding.frame is not None:

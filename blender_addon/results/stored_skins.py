@@ -1,9 +1,9 @@
-"""Skins in a stored result: contact forces in single precision, and what their model is made from again.
+"""Store and read the skins of a result.
 
-Forces on points of the smooth skin are kept beside those on nodes, as cells of its tree; where its table is gone, a
-result is read with those on nodes alone. Skin that follows its tissue's law is read with what its contact kept of it.
-Versions before went by a series of that law: their forces are read as they had them, and what these do to the skin is
-told by the law.
+A stored skin has contact forces in single precision, and the parameters of its model. Forces on points of the smooth
+skin are kept beside those on nodes, as cells of its tree. If the table of the smooth skin is gone, only those on nodes
+are read. Skin that follows its tissue's law is read with the state that its contact stored. Earlier versions used a
+series of that law: their forces are read unchanged, and the displacement by these forces follows the law.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from .. import reporting
 from .._core import DermisError, Finding, core
 from ..devices import skin_models
 
-PREFIX = "skin_"  # of the names of their arrays
-EARLIER = "earlier-tissue"  # code of the finding about tissue of earlier versions
-SMALL = ("_times", "_normal_force")  # read at once
+PREFIX = "skin_"  # prefix of the names of skins' arrays
+EARLIER = "earlier-tissue"  # code of the finding on tissue of earlier versions
+SMALL = ("_times", "_normal_force")  # ends of the names of the arrays that are read with the tracks
 
 
 def pack(
     skins: Mapping[str, Any], made_of: Mapping[str, Mapping[str, Any]], arrays: dict[str, Any]
 ) -> list[dict[str, Any]]:
-    """Add the arrays of a bake's skins to `arrays`; return their entries of the file's header."""
+    """Add the arrays of a bake's skins to `arrays`; return their header entries."""
     entries = []
     for i, (finger, touch) in enumerate(skins.items()):
         if finger not in made_of:
@@ -52,12 +52,13 @@ def at_once(name: str) -> bool:
 
 
 class StoredSkins(Mapping[str, Any]):
-    """The skins of a stored result, read when one is first asked for: their models may have to be made.
+    """The skins of a stored result, read when one is first needed.
 
-    A skin that cannot be read, or that this version makes otherwise, is missing from then on, and a finding says why.
+    Reading may have to make their models. A skin that cannot be read, or that has other nodes in this version, is
+    missing from then on, and a finding gives the reason.
 
     Args:
-        path: of the stored result. entries: of its header. file: its small arrays.
+        path: path of the stored result. entries: entries of the skins in its header. file: its small arrays.
 
     Attributes:
         forces: times [s] and normal forces [N] of every skin by finger, which need no model.
@@ -98,7 +99,10 @@ class StoredSkins(Mapping[str, Any]):
 
 
 def forces_of(skins: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
-    """Return times [s] and normal forces [N] of every skin of a bake, by finger; no stored skin is read for it."""
+    """Return times [s] and normal forces [N] of the skins of a bake, by finger.
+
+    No stored skin is read for this.
+    """
     forces: dict[str, tuple[Any, Any]] | None = getattr(skins, "forces", None)
     if forces is not None:
         return forces
@@ -109,8 +113,8 @@ def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
     """Return one skin of a stored result.
 
     Raises:
-        DermisError: the file is gone or damaged, the skin is made otherwise by this version, so that the forces do
-            not belong to its nodes.
+        DermisError: the file is gone or damaged, or this version makes the skin with other nodes, to which the forces
+            do not belong.
     """
     i, finger = int(entry["number"]), str(entry["finger"])
     tissue, where = str(entry.get("tissue", "linear")), f"finger '{finger}', skin"
@@ -128,14 +132,14 @@ def _unpacked(path: Path, entry: Mapping[str, Any]) -> Any:
             prefix = f"{PREFIX}{i}_"
             file = archive.arrays([name for name in archive.names if name.startswith(prefix)])
         own = {name.removeprefix(prefix): array for name, array in file.items()}
-        if _by_series(entry):  # how much there was of each pattern: the law finds its own from the forces
+        if _by_series(entry):  # amounts of the series' patterns; the law finds its own amounts from the forces
             own.pop("amounts", None)
         findings = tuple(Finding(**f) for f in entry["findings"])
         return core.contact.skin_arrays.touch_of(model, own, findings, entry["skipped"]).packed()
 
 
 def _by_series(entry: Mapping[str, Any]) -> bool:
-    """Return whether a skin was felt by a series, as in versions before skin followed the law."""
+    """Return whether a skin's forces are from the series of earlier versions."""
     return entry.get("tissue", "linear") != "linear" and not entry.get("law", False)
 
 

@@ -1,4 +1,7 @@
-"""The trust band of a scene: how much its forces and commands change where the scene hardly changes."""
+"""Keep the trust band of a scene.
+
+It is the change of forces and commands with small changes of the scene.
+"""
 
 from __future__ import annotations
 
@@ -20,9 +23,11 @@ class Trusted:
     """One scene's bands.
 
     Attributes:
-        bands: of devices, in the order of a bake's outputs, and then of skins. edits: of `changes` when it was sampled.
+        bands: bands of devices, in the order of a bake's outputs, and then of skins.
+        edits: value of `changes.edits()` when the scene was sampled.
         fingerprint: the scene settings that no change handler reports, as in `store`.
-        clock: of the bands' times. findings: warnings about them, with their frames. marks: of the strip.
+        clock: clock of the bands' times. findings: warnings about the bands, with their frames.
+        marks: marks for the strip.
     """
 
     bands: tuple[Any, ...]
@@ -33,7 +38,10 @@ class Trusted:
     marks: tuple[Mark, ...]
 
     def into(self, lanes: tuple[Lane, ...]) -> tuple[Lane, ...]:
-        """Return lanes with where any of their fingers' channels changes by more than a band may."""
+        """Return lanes with a series of doubt.
+
+        It is 1 where any channel of the finger changes by more than a band may.
+        """
         found: dict[str, list[Series]] = {}
         for band in self.bands:
             doubtful = (band.spread > core.comparison.trust_band.DOUBT * band.felt).any(axis=1)
@@ -46,12 +54,12 @@ _trusted: dict[int, Trusted] = {}
 
 
 def forget() -> None:
-    """Forget all bands: another file was opened."""
+    """Drop all bands, as after another file was opened."""
     _trusted.clear()
 
 
 def current(scene: bpy.types.Scene) -> Trusted | None:
-    """Return the scene's bands; None where there are none, or the scene has changed since."""
+    """Return the scene's bands; None without any, or if the scene has changed."""
     made = _trusted.get(scene.session_uid)
     if made is None or made.edits != changes.edits() or made.fingerprint != store.fingerprint(scene):
         return None
@@ -59,9 +67,9 @@ def current(scene: bpy.types.Scene) -> Trusted | None:
 
 
 def spreads(scene: bpy.types.Scene, bake: Any) -> Mapping[int, Array]:
-    """Return the changes of a bake's tracks, by their place among its outputs, where they are known.
+    """Return the known changes of a bake's tracks, by index of output.
 
-    A bake of before an edit has other tracks than those that were judged.
+    The bake may be older than the bands. Tracks whose values differ from those of the bands are left out.
     """
     made = current(scene)
     bands = [] if made is None else [band for band in made.bands if band.track is not None]
@@ -76,7 +84,7 @@ def keep(scene: bpy.types.Scene, bands: tuple[Any, ...], edits: int, taken: stor
     """Keep a scene's bands for the session.
 
     Args:
-        edits: of `changes` when the scene was sampled. taken: the scene's state before.
+        edits: value of `changes.edits()` when the scene was sampled. taken: the state of the scene before that.
     """
     clock = taken.clock
     told = ((band, band.finding) for band in bands)

@@ -1,4 +1,4 @@
-"""Who depends on whom: the users of data-blocks, followed from one to the next."""
+"""Find the data-blocks that depend on others, by following their users."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ Users = Mapping[Any, set[Any]]
 def dependants(
     sources: set[Any], users: Users | None = None, leads: Callable[[Any, Any], bool] | None = None
 ) -> set[Any]:
-    """Return the sources and every ID that refers to one, directly or through others.
+    """Return the sources and every ID that refers to one of them.
+
+    References may lead through other IDs.
 
     Args:
-        users: of each ID; Blender's own map where None.
-        leads: whether an ID (the first argument) passes something on to a user of it (the second). Where None, every
-            reference does, but being in a collection does not.
+        users: the users of each ID; Blender's own map if None.
+        leads: whether a user of an ID (the second argument) depends on that ID (the first). If None, every user does,
+            except a collection.
     """
     if not sources:
         return set()
@@ -37,19 +39,24 @@ def dependants(
 
 
 class Shapes:
-    """Which objects get their shape from others, as things are now; it must not be kept over a change of the file."""
+    """The objects that get their shape from others.
+
+    It is valid only until the file changes.
+    """
 
     def __init__(self) -> None:
         self._users = bpy.data.user_map()
         for obj in bpy.data.objects:
-            if obj.parent is not None and obj.parent.is_instancer:  # shows its children on its vertices or faces
+            if obj.parent is not None and obj.parent.is_instancer:  # the parent shows it on its vertices or faces
                 self._users.setdefault(obj, set()).add(obj.parent)
 
     def of(self, source: bpy.types.ID, *, shown: bool = False) -> frozenset[int]:
-        """Return the session uids of the objects whose shape can depend on an object or a collection.
+        """Return session uids of objects whose shape can depend on `source`.
 
         Args:
-            shown: on whether it is shown: modifiers and nodes that refer to an object itself do not ask that.
+            source: an object or a collection.
+            shown: return those that depend on whether the source is shown; modifiers and nodes that refer to an object
+                itself do not.
         """
 
         def leads(used: Any, user: Any) -> bool:
@@ -66,7 +73,10 @@ def _refers(_used: Any, user: Any) -> bool:
 
 
 def _shapes(used: Any, user: Any) -> bool:
-    """Return whether the shape of a user can depend on an ID: some collections only say where forces act."""
+    """Return whether the shape of a user can depend on an ID.
+
+    Some collections only say where forces act.
+    """
     if not isinstance(used, bpy.types.Collection):
         return True
     if isinstance(user, bpy.types.Object):

@@ -1,10 +1,13 @@
-"""Edit Mode and Sculpt Mode leave parts out of shapes: Blender evaluates the shapes so, and they are felt so.
+"""Report the parts of shapes that Edit Mode and Sculpt Mode leave out.
+
+Blender evaluates the shapes without these parts, and they are felt without them.
 
 Measured in Blender 4.5 and 5.2:
 
 * A mesh in Edit Mode is evaluated without the modifiers whose *Edit Mode* display is off, the default of Armature,
   Displace and Boolean, for example. Some types are never shown there. This holds for all objects that have the mesh.
-* Shape keys are not mixed there: the active one is shown, unless *Shape Key Edit Mode* is on. Lattices are alike.
+* Shape keys are not mixed there: the active one is shown, unless *Shape Key Edit Mode* is on. The same holds for
+  lattices.
 * Objects show no particles while they are in Edit Mode.
 * An armature in Edit Mode has no pose: its Armature modifiers do nothing, and children of its bones stay.
 * Edits are shown, and felt, before Edit Mode is left.
@@ -24,7 +27,7 @@ from . import dependence, participants
 from .participants import Participants
 
 _NEVER = {"BUILD", "CLOTH", "DECIMATE", "DYNAMIC_PAINT", "EXPLODE", "FLUID", "MULTIRES", "PARTICLE_SYSTEM", "SOFT_BODY"}
-_NAMED = 4  # parts that one finding names
+_NAMED = 4  # number of parts that one finding names at most
 _REFERS = ("object", "object_from", "object_to", "texture_coords_object")
 _BONES = ("subtarget", "bone_from", "bone_to", "texture_coords_bone")
 """Properties of modifiers that name an object, and that name a bone of it."""
@@ -53,7 +56,10 @@ _DEFORM = {
 
 
 def findings(swept: Participants, scene: bpy.types.Scene) -> list[Any]:
-    """Return findings on objects that are felt otherwise than in Object Mode because of their current mode."""
+    """Return findings on objects that are felt differently because of a mode.
+
+    They are compared with Object Mode.
+    """
     makers = {e.instance.instancer for e in swept.bodies if e.instance is not None}
     felt = participants.look_up({e.uid for e in swept.bodies} | makers).values()
     left_out = {o: said for o in bpy.data.objects if (said := list(_left_out(o, scene)))}
@@ -78,9 +84,10 @@ def findings(swept: Participants, scene: bpy.types.Scene) -> list[Any]:
 
 
 def _follows_bones(used: Any, user: Any) -> bool:
-    """Return whether a user of an ID hangs on it; only users that ask for its pose hang on an armature in Edit Mode.
+    """Return whether a user of an ID depends on it.
 
-    An object that is parented to the armature itself, or whose constraints name no bone, follows it as ever.
+    On an armature in Edit Mode, only users of its pose depend. An object that is parented to the armature itself, or
+    whose constraints name no bone, follows it as in Object Mode.
     """
     if isinstance(user, bpy.types.Collection):
         return False
@@ -91,13 +98,16 @@ def _follows_bones(used: Any, user: Any) -> bool:
 
 
 def _names_bones(modifier: Any, armature: bpy.types.Object) -> bool:
-    """Return whether a modifier asks for the bones of an armature."""
+    """Return whether a modifier uses the bones of an armature."""
     refers = any(getattr(modifier, name, None) == armature for name in _REFERS)
     return refers and (modifier.type == "ARMATURE" or any(getattr(modifier, name, "") for name in _BONES))
 
 
 def _asks(user: bpy.types.Object, armature: bpy.types.Object) -> bool:
-    """Return whether constraints or drivers of an object ask for the bones of an armature."""
+    """Return whether constraints or drivers of an object use an armature.
+
+    Constraints count if they use its bones, drivers in any case.
+    """
     constraints = [*user.constraints, *(c for bone in (user.pose.bones if user.pose else ()) for c in bone.constraints)]
     for constraint in constraints:
         for target in (constraint, *getattr(constraint, "targets", ())):
@@ -123,7 +133,7 @@ def _finding(obj: bpy.types.Object, what: str, said: list[str]) -> Any:
 
 
 def _left_out(obj: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[str]:
-    """Yield in words the parts that are left out of an object's shape."""
+    """Yield the names of the parts that are left out of an object's shape."""
     shown = [m for m in obj.modifiers if m.show_viewport and m.type not in _SHAPELESS]
     if getattr(obj.data, "is_editmode", False):
         yield from (m.name for m in shown if not m.show_in_editmode or m.type in _NEVER)
@@ -138,7 +148,10 @@ def _left_out(obj: bpy.types.Object, scene: bpy.types.Scene) -> Iterator[str]:
 
 
 def _mixes_keys(obj: bpy.types.Object) -> bool:
-    """Return whether shape keys may make another shape than the active one, which Edit Mode shows."""
+    """Return whether shape keys may give a shape other than the active key's.
+
+    Edit Mode shows the active one.
+    """
     keys = getattr(obj.data, "shape_keys", None)
     if keys is None or (obj.type == "MESH" and obj.use_shape_key_edit_mode):
         return False

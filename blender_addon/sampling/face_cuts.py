@@ -137,7 +137,7 @@ class FaceCuts:
     def _turns(
         self, places: Sequence[NDArray[np.float32]]
     ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.float32]]]:
-        """Yield `_quads` or `_convex` of faces of each size above 3, at all places."""
+        """Yield `_quads` or `_convex` of faces of each size above 3, at places."""
         axes = np.ascontiguousarray(np.concatenate(places).T).reshape(3, len(places), -1)
         for own in self._groups:
             yield (_quads if len(own) == 4 else _convex)(axes.take(own, axis=2, mode="wrap"))

@@ -1,4 +1,4 @@
-"""Which frames of a scene are sampled, and when they are."""
+"""Find the frames of a scene that are sampled, and their times."""
 
 from __future__ import annotations
 
@@ -17,12 +17,15 @@ _touched: core.recent.Recent[tuple[int, int, int], touched_frames.Touched] = cor
 
 
 def frame_range(scene: bpy.types.Scene) -> Span:
-    """Return the range to bake, as the setting *Range* says."""
+    """Return the first and last frame to bake, by the setting *Range*."""
     return _range(scene, touched_frames.of)
 
 
 def frame_range_now(scene: bpy.types.Scene) -> Span:
-    """Return the range as `frame_range` does, looked up once after each change: for callers that ask at every frame."""
+    """Return the range as `frame_range` does, cached until the next change.
+
+    It is for callers that need the range at every frame.
+    """
 
     def kept(_scene: bpy.types.Scene) -> touched_frames.Touched:
         key = (scene.session_uid, changes.edits(), len(bpy.data.objects))
@@ -32,7 +35,7 @@ def frame_range_now(scene: bpy.types.Scene) -> Span:
 
 
 def range_finding(scene: bpy.types.Scene) -> Finding | None:
-    """Return the finding about the range that is baked, None if there is none."""
+    """Return the finding on the range that is baked; None without one."""
     how, where, whole = scene.dermis.bake_range, f"scene '{scene.name_full}'", _scene_range(scene)
     if how == "PREVIEW" and scene.use_preview_range:
         span = f"{scene.frame_preview_start} to {scene.frame_preview_end}"
@@ -61,7 +64,7 @@ def _range(scene: bpy.types.Scene, touched_of: Callable[[bpy.types.Scene], touch
 
 
 def _within(touched: touched_frames.Touched, whole: Span) -> Span | None:
-    """Return the touched frames that the scene's range has; None where these have no duration."""
+    """Return the touched frames in the scene's range; None without a duration."""
     first, last = max(touched.first, whole[0]), min(touched.last, whole[1])
     return (first, last) if first < last else None
 
@@ -71,7 +74,11 @@ def _scene_range(scene: bpy.types.Scene) -> Span:
 
 
 def sweep_frames(scene: bpy.types.Scene, span: tuple[int, int], rate: float) -> tuple[Array, Array]:
-    """Return the frames that Blender can evaluate nearest to a steady rate, and their times [s] from the first."""
+    """Return the frames of samples at a rate [Hz], and their times [s].
+
+    They are the nearest frames that Blender can evaluate, in single precision. Times count from the first frame of the
+    span.
+    """
     clock = scene_time.clock(scene, span[0])
     frames, _ = core.scene.tactile_scene.sample_frames(clock.rate, span, rate)
     frames = frames.astype(np.float32).astype(np.float64)

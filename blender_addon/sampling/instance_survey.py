@@ -1,4 +1,7 @@
-"""Which instances a range has: the header of a sweep must name those that appear later."""
+"""Survey the instances of a range.
+
+The header of a sweep must name all of them, also those that appear later.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +24,10 @@ class Present(NamedTuple):
     """An instance that is a body, over the range.
 
     Attributes:
-        first: its matrix [scene units] where it first was; None where it is always there.
+        first: its first matrix [scene units]; None if it is always present.
         material: session uid of the object whose material it has.
-        changing: its surface is not always the same.
-        stretch: the most that its matrices stretch it by; of those alone whose surface is felt curved.
+        changing: whether its surface changes.
+        stretch: the largest stretch of its matrices; 1 if its surface is not felt curved.
     """
 
     first: Array | None
@@ -37,9 +40,8 @@ class Instances(NamedTuple):
     """The instances of the range.
 
     Attributes:
-        bodies: those that are bodies, in the order of their keys.
-        objects: session uids of the objects that show instances as their own surface, and whether that changes, or
-            begins or ends.
+        bodies: the instances that are bodies, in the order of their keys.
+        objects: whether the own surface of an object that shows instances changes, begins or ends, by session uid.
         unfelt: geometry without faces, and the first frame at which it is shown.
     """
 
@@ -49,10 +51,10 @@ class Instances(NamedTuple):
 
 
 class Survey:
-    """Looks at frames for instances.
+    """Survey of the instances at several frames.
 
     Args:
-        curved: session uids of the objects that are felt curved: how large their instances become must be known.
+        curved: session uids of the objects that are felt curved; the largest stretch of their instances is measured.
     """
 
     def __init__(self, reader: InstanceReader, curved: frozenset[int] = frozenset()) -> None:
@@ -68,7 +70,7 @@ class Survey:
         self._unfelt: dict[Unfelt, float] = {}
 
     def look(self, depsgraph: bpy.types.Depsgraph) -> None:
-        """Look at the frame that is evaluated now."""
+        """Take in the frame that is evaluated now."""
         shown = self._reader.read(depsgraph)
         if shown is not self._last:
             self._count()

@@ -1,8 +1,8 @@
-"""Which whole frames the places between them are interpolated from, where a simulation does not always move.
+"""Interpolate the places of simulated bodies between whole frames.
 
 A smooth curve through all whole frames swings before a start and after a stop: a body that is let go at frame 5 would
-move by 0.5 mm before. So a body that rests between two frames is held. One that moves has a curve of its own from one
-rest to the next.
+move by 0.5 mm before. A body that rests between two frames is therefore held. Each motion from one rest to the next has
+its own curve.
 """
 
 from __future__ import annotations
@@ -16,19 +16,25 @@ Indices = NDArray[np.intp]
 
 
 def whole_frames(knots: Array, times: Array) -> Indices:
-    """Return the index of the last whole frame at or before times [s], shape (m,); `knots` are those of the frames."""
+    """Return the index of the last whole frame at or before times, shape (m,).
+
+    `times` and `knots`, the times of the whole frames, are in seconds.
+    """
     at = np.searchsorted(knots, times + 1e-9 * (knots[-1] - knots[0]) / max(len(knots) - 1, 1), side="right") - 1
     return np.clip(at, 0, len(knots) - 1)
 
 
 def runs(moves: NDArray[np.bool_]) -> tuple[Indices, Indices]:
-    """Return the first and the last whole frame that each whole frame and the time after it are interpolated from.
+    """Return the range of whole frames of the curve at each whole frame.
+
+    The curve gives the places at the frame and in the time up to the next one.
 
     Args:
-        moves: between each whole frame and the next, shape (n - 1,).
+        moves: whether the body moves between each whole frame and the next, shape (n - 1,).
 
     Returns:
-        Two arrays of shape (n,); both are the frame itself where nothing moves from there on.
+        The first and the last frame of each range, shape (n,) each. Both are the frame itself if nothing moves until
+        the next one.
     """
     own = np.arange(len(moves) + 1)
     before, after = np.append(False, moves), np.append(moves, False)
@@ -40,16 +46,17 @@ def runs(moves: NDArray[np.bool_]) -> tuple[Indices, Indices]:
 
 
 def beyond(here: NDArray[np.bool_], moves: NDArray[np.bool_]) -> tuple[Indices, Indices, Indices, Indices]:
-    """Return runs for a body that comes and goes.
+    """Return the ranges of `runs` for a body that appears and vanishes.
 
-    It moves on to the frame before which it goes, and comes from one before.
+    Its curve is followed on to the first frame at which it is absent, and from one frame before it appears.
 
     Args:
-        here: whether it is there at each whole frame, shape (n,). moves: as in `runs`; never where it is absent.
+        here: whether it is present at each whole frame, shape (n,).
+        moves: as in `runs`; False where it is absent.
 
     Returns:
-        As `runs`, and the first and the last whole frame that a curve is followed to; shape (n,) each. Beyond, the
-        place there holds.
+        The two arrays of `runs`, and the first and the last whole frame to which each curve is followed, shape (n,)
+        each. Beyond these frames, the place there holds.
     """
     count = len(here)
     own = np.arange(count)
@@ -74,7 +81,10 @@ class Poses:
     """Matrices at whole frames, and between them."""
 
     def __init__(self, times: Array, matrices: Array, here: NDArray[np.bool_]) -> None:
-        """Take times [s], shape (n,), matrices with positive stretch, shape (n, 4, 4), and when it is there, (n,)."""
+        """Note times [s], shape (n,), and matrices, shape (n, 4, 4).
+
+        The matrices have positive stretch. `here`, shape (n,), says at which times the body is present.
+        """
         self._times, self._matrices = times, matrices
         moves = here[:-1] & here[1:] & (matrices[1:] != matrices[:-1]).any(axis=(1, 2))
         self._first, self._last, self._from, self._to = beyond(here, moves)

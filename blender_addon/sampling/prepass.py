@@ -1,4 +1,7 @@
-"""The passes over a whole range before its first sample: which surfaces change, which instances appear."""
+"""Pass over a range before its first sample.
+
+These passes find the surfaces that change and the instances that appear.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ from .instances import InstanceReader
 
 
 def depsgraph_of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> bpy.types.Depsgraph:
-    """Return the evaluated dependency graph of a view layer, which need not be the window's."""
+    """Return the evaluated dependency graph of any view layer."""
     if scene == bpy.context.scene and view_layer == bpy.context.view_layer:
         return bpy.context.evaluated_depsgraph_get()
     with bpy.context.temp_override(scene=scene, view_layer=view_layer):
@@ -23,10 +26,10 @@ def depsgraph_of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> bpy
 
 
 class TimeDependent(NamedTuple):
-    """Session uids of the data-blocks that Blender evaluates anew as time goes on.
+    """Session uids of the data-blocks that Blender evaluates as time advances.
 
     Attributes:
-        deforming: objects whose geometry it evaluates. all: these, objects that it moves, and other data.
+        deforming: objects whose geometry is evaluated anew. all: these, objects that are only moved, and other data.
     """
 
     deforming: frozenset[int]
@@ -34,10 +37,11 @@ class TimeDependent(NamedTuple):
 
 
 def time_dependent(scene: bpy.types.Scene, first: int) -> TimeDependent:
-    """Return the data that Blender evaluates anew because time went on; the scene is at the first frame afterwards.
+    """Return the data that Blender evaluates anew as time advances.
 
-    The dependency graph knows this from its relations, which hold for the whole range: a mesh that is merely moved is
-    not among those that deform. Scripts do not run here: `script_changes` finds their changes.
+    The dependency graph knows these from its relations, which are the same in the whole range. A mesh that is only
+    moved does not count as deforming. Scripts do not run here; `script_changes` finds their changes. The scene is at
+    the first frame afterwards.
     """
     found: dict[int, bool] = {}
 
@@ -51,7 +55,7 @@ def time_dependent(scene: bpy.types.Scene, first: int) -> TimeDependent:
         bpy.app.handlers.frame_change_post.append(note)
         try:
             scene.frame_set(first + 1)
-            found.clear()  # earlier edits count as updates the first time
+            found.clear()  # the first change of the frame also reports earlier edits
             scene.frame_set(first)
         finally:
             bpy.app.handlers.frame_change_post.remove(note)
@@ -62,7 +66,7 @@ class Seen(NamedTuple):
     """The observations at the whole frames of a range.
 
     Attributes:
-        stretches: the most that objects are stretched by, by session uid; of those alone that were asked for.
+        stretches: the largest stretch of each requested object, by session uid.
     """
 
     instances: Instances
@@ -77,12 +81,12 @@ def look_through(
     reader: InstanceReader,
     growing: frozenset[int],
 ) -> Seen:
-    """Look at whole frames for instances of touchable objects, and for the sizes of those that grow.
+    """Find instances and the largest stretch of objects at whole frames.
 
-    The header must name instances that appear later, and have surfaces that are fine enough when they are largest.
+    The header must name instances that appear later, and its surfaces must be fine enough for their largest size.
 
     Args:
-        growing: session uids of the objects whose sizes are asked for.
+        growing: session uids of the objects whose stretch is requested.
     """
     survey, stretches = Survey(reader, curved_ones()), dict.fromkeys(growing, 0.0)
     makes = bool(participants.instancers(scene))
@@ -90,12 +94,12 @@ def look_through(
         return Seen(survey.found(), stretches)
     looked_at = set(map(float, range(span[0], span[1] + 1)))
     steps = scene_time.simulated_frames(scene, simulations.start, span).tolist() if simulations.uids else []
-    # Scripts may edit once and for all: that shall not have happened before the first sample.
+    # A script may make a lasting edit, which must not happen before the first sample.
     with nullcontext() if makes else script_changes.held_back():
         for frame in sorted(looked_at.union(steps)):
             scene_time.go_to(scene, frame)
             if frame not in looked_at:
-                continue  # particles must live from their start to be where they are later
+                continue  # the step is needed only to advance particles from their start
             depsgraph = depsgraph_of(scene, view_layer)
             if makes:
                 survey.look(depsgraph)
@@ -106,7 +110,7 @@ def look_through(
 
 
 def growing(scene: bpy.types.Scene, timely: TimeDependent) -> frozenset[int]:
-    """Return the session uids of touchable objects whose sizes over the range must be known and may change.
+    """Return uids of touchable objects whose size matters and may change.
 
     `curved_surfaces.outgrown` reports growth by scripts.
     """
@@ -121,6 +125,9 @@ def growing(scene: bpy.types.Scene, timely: TimeDependent) -> frozenset[int]:
 
 
 def curved_ones() -> frozenset[int]:
-    """Return the session uids of all touchable objects that are felt curved, linked ones that instances show too."""
+    """Return session uids of all touchable objects that are felt curved.
+
+    Linked objects that are only shown as instances are among them.
+    """
     touchable = (o for o in bpy.data.objects if participants.role_of(o) == "TOUCHABLE")
     return frozenset(o.session_uid for o in touchable if curved_surfaces.is_curved(o))

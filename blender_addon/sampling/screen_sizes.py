@@ -1,4 +1,7 @@
-"""Touch screens whose mesh grows or shrinks: their size is that of the first frame."""
+"""Report touch screens whose mesh grows or shrinks.
+
+A touch screen keeps the size of the first frame.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +16,18 @@ from . import height_maps, meshes, participants
 from .participants import at_place
 
 TOLERANCE = 1e-5
-"""Of the screen's longer side: what single precision and a change of the frame leave of a still edge."""
+"""[share of the longer side] Motion of an edge at rest that single precision and a change of the frame may cause."""
 
 
 class FixedSize:
-    """Measures how far the edges of a screen's mesh get from where they are at the first frame."""
+    """Watcher of the distances of a screen's edges from their first places."""
 
     def __init__(self, screen: bpy.types.Object, depsgraph: bpy.types.Depsgraph, unit: float) -> None:
-        """Take a usable screen at the first frame; `unit` is metres in a scene unit."""
+        """Note a usable screen at the first frame; `unit` [m] is a scene unit."""
         self._name, self._uid, self._unit = screen.name_full, screen.session_uid, unit
         self._place = bpy.data.objects.find(screen.name_full)
         places = meshes.vertices_of(screen.evaluated_get(depsgraph))
-        self._now = places.tobytes()  # the vertices of the last look, and how far their edges were off
+        self._now = places.tobytes()  # vertices at the last call of `look`; `_off` has the motion of their edges
         self._off, self._is_off = np.zeros((2, 2)), False
         self._first = height_maps.extent(places)
         self._smallest = TOLERANCE * float(np.ptp(self._first, axis=0).max())
@@ -39,7 +42,7 @@ class FixedSize:
         now = places.tobytes()
         if now != self._now:
             edges = height_maps.extent(places)
-            # Where nothing is left of it, as far as its middle.
+            # If no area is left, each edge has moved to the middle.
             left = (edges[1] > edges[0]).all()
             self._now, self._off = now, np.abs(edges - self._first) if left else 0.5 * np.ptp(self._first, axis=0)[None]
             self._is_off = not self._off.max() <= self._smallest
@@ -76,7 +79,7 @@ def watched(
     """Return the watchers of the sizes of screens whose shape may change.
 
     Args:
-        unit: metres in a scene unit.
+        unit: [m] length of a scene unit.
         deforming: session uids of the objects whose shape may change; None if that of every object may.
     """
     changing = (obj for obj in screens if deforming is None or obj.session_uid in deforming)

@@ -1,7 +1,7 @@
-"""Poses that come in steps because Blender's matrices are in single precision, and how large the steps are.
+"""Find poses that move in steps because Blender's matrices are rounded.
 
-A number in single precision has 24 binary digits: near 1 km, neighbours are 0.06 mm apart. An object at rest is felt
-where Blender shows it. An object that moves far from the origin goes from step to step, and so does its speed.
+Numbers in single precision have 24 binary digits: near 1 km, neighbouring numbers are 0.06 mm apart. An object at rest
+is felt where Blender shows it. An object that moves far from the origin jumps from step to step, and so does its speed.
 """
 
 from __future__ import annotations
@@ -18,22 +18,28 @@ from .participants import Participants
 
 
 def limit(rate: float) -> float:
-    """Return how large a step may be [m] where poses are sampled at a rate [Hz].
+    """Return the largest harmless step [m] of poses sampled at a rate [Hz].
 
-    Surfaces are followed to within `core.surface.curved.TOLERANCE`, and a larger step shows in the depth of a touch. A
-    place that is off by half a step either way changes the velocity from one sample to the next by up to twice the step
-    times the rate; from `core.contact.held_body.KINK` on, such a change counts as a jerk.
+    Surfaces are followed to within `core.surface.curved.TOLERANCE`, and a larger step shows in the depth of a touch. An
+    error of half a step either way changes the velocity from one sample to the next by up to twice the step times the
+    rate. From `core.contact.held_body.KINK` on, such a change counts as a jerk.
     """
     return float(min(core.surface.curved.TOLERANCE, core.contact.held_body.KINK / (2.0 * rate)))
 
 
 def step(length: float, unit: float) -> float:
-    """Return how far neighbours are apart at a length [m]; Blender rounds scene units, of `unit` metres each."""
+    """Return the distance of adjacent single-precision numbers at a length.
+
+    Both are in metres. Blender rounds numbers of scene units, which are `unit` metres long.
+    """
     return float(np.spacing(np.float32(length / unit))) * unit
 
 
 def _nearest(limit: float) -> float:
-    """Return a length up to which no step is larger than a limit [m]: they are at most 2^-23 of a length."""
+    """Return a length [m] up to which no step is larger than a limit [m].
+
+    A step is at most 2^-23 of the length.
+    """
     return limit * 2.0**23
 
 
@@ -45,10 +51,13 @@ class _Worst(NamedTuple):
 
 
 class Steps:
-    """Looks at the chunks of a sweep for steps that are too large."""
+    """Watcher of a sweep's chunks for steps that are too large."""
 
     def __init__(self, swept: Participants, rate: float, surfaces: Sequence[Any]) -> None:
-        """Take who is swept; `surfaces` are the bodies' in the header, None where the chunks bring them."""
+        """Note the participants of a sweep.
+
+        `surfaces` are those of the bodies in the header; None for bodies whose surfaces are in the chunks.
+        """
         self._unit, self._limit = swept.unit, limit(rate)
         self._harmless = _nearest(self._limit)
         self._groups = (("finger", swept.fingers), ("object", swept.bodies), ("screen", swept.screens))
@@ -67,7 +76,7 @@ class Steps:
         self._linked = sorted({at for chain in self._chains.values() for at in chain})
 
     def look(self, chunk: Any) -> None:
-        """Look at the samples of a chunk; the scene is at its last one."""
+        """Check the samples of a chunk; the scene must be at the last of them."""
         fingers = chunk.fingers[:, :, :3, 3]
         parents = self._parents()
         for (kind, entries), poses in zip(self._groups, (chunk.fingers, chunk.bodies, chunk.screens), strict=True):
@@ -90,14 +99,18 @@ class Steps:
                     continue
                 length = float(lengths[i])
                 if reach[i] > length and moved[:, :3, :3].any():
-                    # A point of a turning body goes in steps as its distance has them: near a finger they are felt.
+                    # The steps of a point of a turning body grow with its distance from the body's origin. They are
+                    # felt at points near a finger.
                     away = np.linalg.norm(fingers - poses[i, :, :3, 3], axis=-1).min()
                     length = max(length, min(float(reach[i]), float(away)))
                 frame = float(chunk.frames[np.argmax(moved.any(axis=(1, 2)))])
                 self._note(f"{kind} '{entries[i].name}'", length, frame)
 
     def findings(self) -> Iterator[Any]:
-        """Yield the finding of the largest step, which counts who moves in steps."""
+        """Yield the finding of the largest step.
+
+        Its count is the number of participants that move in steps.
+        """
         if not self._worst:
             return
         worst = max(self._worst.values(), key=lambda w: w.step)
@@ -121,12 +134,15 @@ class Steps:
             self._worst[where] = _Worst(size, length, where, frame if known is None else known.frame)
 
     def _parents(self) -> Mapping[tuple[int, int], float]:
-        """Return how far off those are that have parents, and their parents, in whatever space Blender adds up [m]."""
+        """Return the largest coordinate [m] of each child and parent.
+
+        It is the largest in any of the spaces in which Blender adds up their places.
+        """
         return {at: _farthest(participants.at_place(*at)) * self._unit for at in self._linked}
 
 
 def _chain(obj: bpy.types.Object) -> Iterator[bpy.types.Object]:
-    """Yield an object and all its parents; nothing where it has none."""
+    """Yield an object and all its parents; nothing if it has no parent."""
     while obj.parent is not None:
         yield obj
         obj = obj.parent
@@ -140,7 +156,7 @@ def _farthest(obj: bpy.types.Object) -> float:
 
 
 def _reach(mesh: Any) -> float:
-    """Return how far a surface goes from its object's origin [m]."""
+    """Return the largest distance of a surface from its object's origin [m]."""
     places = mesh.vertices[np.isfinite(mesh.vertices).all(axis=1)] if len(mesh.vertices) else mesh.vertices
     return float(np.linalg.norm(places, axis=1).max()) if len(places) else 0.0
 

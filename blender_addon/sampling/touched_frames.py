@@ -1,7 +1,8 @@
-"""The frames in which anything of a touch is keyed: a bake of these alone gives all that a bake of the scene gives.
+"""Find the frames between the first and the last key of all that is felt.
 
-Keys say that only where nothing else moves things. Drivers, NLA strips, modifiers of F-curves, simulations, scripts
-and files that play have no keys, so where there is one of them the reason is given instead.
+Nothing changes outside these frames, so a bake of them is complete. That holds only if keys cause all motion. Drivers,
+NLA strips, modifiers of F-curves, simulations, scripts and files that play have no keys. If there is one of them, the
+reason is returned instead.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from ..properties import object_properties
 from . import script_changes, simulated_motion
 
 _FELT = ("FINGER", "TOUCHABLE", "SCREEN")
-# Modifiers that change with the frame though nothing of them is keyed.
+# Types of modifiers that change with the frame without keys.
 _PLAYING = frozenset({"BUILD", "OCEAN", "WAVE", "MESH_CACHE", "MESH_SEQUENCE_CACHE", "FLUID"})
 _CLOCKS = frozenset({"GeometryNodeInputSceneTime"})
 _FILES = frozenset({"SEQUENCE", "MOVIE"})
@@ -27,11 +28,11 @@ _NOT_FELT = ("Scene", "WindowManager", "WorkSpace", "Screen", "Library", "Text",
 
 
 class Touched(NamedTuple):
-    """Which frames are keyed.
+    """The keyed frames of a scene.
 
     Attributes:
-        first, last: scene frames, with the ringing after the last key; both 0 where `why` says why there are none.
-        why: in words, why keys do not say when things move; '' where they do.
+        first, last: first and last scene frame, with the ringing after the last key; both 0 if there is a `why`.
+        why: text on why keys do not show when something moves; '' if they do.
     """
 
     first: int
@@ -40,7 +41,10 @@ class Touched(NamedTuple):
 
 
 def of(scene: bpy.types.Scene) -> Touched:
-    """Return the frames from the first key to the last of all that is felt, and of all that it hangs on."""
+    """Return the frames from the first key to the last.
+
+    The keys are those of the scene, of all that is felt, and of all that this depends on.
+    """
     if script_changes.run_here():
         return Touched(0, 0, "scripts run at changes of the frame")
     if simulated_motion.find(scene).uids:
@@ -60,7 +64,10 @@ def of(scene: bpy.types.Scene) -> Touched:
 
 
 def _used(scene: bpy.types.Scene) -> list[Any]:
-    """Return the felt objects, the scene, and everything that they refer to, directly or through others."""
+    """Return the scene, the felt objects, and all that these refer to.
+
+    References may lead through other data.
+    """
     refers: dict[Any, set[Any]] = {}
     for used, users in bpy.data.user_map().items():
         for user in users:
@@ -76,7 +83,7 @@ def _used(scene: bpy.types.Scene) -> list[Any]:
 
 
 def _moved_otherwise(used: Any) -> str:
-    """Return in words a cause of motion of a data-block besides its keys, '' for none."""
+    """Return a text on a cause of motion other than keys; '' without one."""
     animation = getattr(used, "animation_data", None)
     if animation is not None:
         if any(not driver.mute for driver in animation.drivers):
@@ -114,7 +121,7 @@ def _curves(animation: Any) -> Iterator[Any]:
 
 
 def _keys(used: Any) -> Iterator[tuple[float, float]]:
-    """Yield the first and the last evaluated frame of each F-curve with points."""
+    """Yield the first and last evaluated frame of each F-curve with points."""
     animation = getattr(used, "animation_data", None)
     for curve in _curves(animation) if animation is not None else ():
         for points in (curve.keyframe_points, curve.sampled_points):
@@ -125,7 +132,10 @@ def _keys(used: Any) -> Iterator[tuple[float, float]]:
 
 
 def _ringing(scene: bpy.types.Scene) -> float:
-    """Return how long the transient of a contact at the last key goes on [s]: until the engine counts it as ended."""
+    """Return the longest time [s] that the transient of a contact may last.
+
+    A transient lasts until the engine counts it as ended.
+    """
     longest = 0.0
     for obj in scene.objects:
         if obj.dermis.role == "TOUCHABLE":

@@ -1,4 +1,7 @@
-"""Which device of a family a finger wears; a preset is read once after each edit, however often a panel asks."""
+"""Find the device of a family that a finger wears.
+
+A preset is read once after each edit, however often a panel needs it.
+"""
 
 from __future__ import annotations
 
@@ -18,18 +21,21 @@ _hashes: core.recent.Recent[tuple[str, int], str] = core.recent.Recent(16)
 
 
 def kinds(family: Family) -> tuple[str, ...]:
-    """Return the kinds of device of a family: their rows say how they are drawn."""
+    """Return the kinds of device of a family, which are drawn in the same form."""
     return tuple(name for name, kind in core.devices.kinds.KINDS.items() if kind.drawn == family)
 
 
 def spec_of(preset: str, family: Family) -> core.devices.spec.DeviceSpec | None:
-    """Return a preset of a family; None for others and for presets that cannot be read."""
+    """Return a preset if it is of a family and can be read, else None."""
     spec = _spec(preset)
     return spec if spec is not None and _drawn(spec) == family else None
 
 
 def hash_of(preset: str) -> str:
-    """Return the hash of a preset, worked out once after each edit; '' where it cannot be read."""
+    """Return the hash of a preset; '' if the preset cannot be read.
+
+    It is computed once after each edit.
+    """
 
     def hashed() -> str:
         spec = _spec(preset)
@@ -60,7 +66,10 @@ def _spec(preset: str) -> core.devices.spec.DeviceSpec | None:
 
 
 def device_of(obj: bpy.types.Object, family: Family) -> Any | None:
-    """Return the settings of the finger's first device of a family that is switched on, or None."""
+    """Return the settings of a finger's first enabled device of a family.
+
+    The result is None without one.
+    """
     for device in obj.dermis.finger.devices:
         if device.enabled and spec_of(device.preset, family) is not None:
             return device
@@ -68,7 +77,10 @@ def device_of(obj: bpy.types.Object, family: Family) -> Any | None:
 
 
 def searched(device: Any) -> core.devices.spec.DeviceSpec | None:
-    """Return the preset of a device whose pose is searched for: a thimble, or six legs that are not looked up."""
+    """Return the preset of a device if its pose is searched for, else None.
+
+    Poses are searched for a thimble, and for a six-leg platform unless its method is the look-up table.
+    """
     spec = _spec(device.preset)
     if spec is None or spec.kind not in ("thimble", "hexapod"):
         return None
@@ -78,7 +90,10 @@ def searched(device: Any) -> core.devices.spec.DeviceSpec | None:
 
 
 def searched_of(obj: bpy.types.Object) -> Any | None:
-    """Return the settings of the finger's first device that is switched on and searched for a pose, or None."""
+    """Return the settings of a finger's first enabled device with a searched pose.
+
+    The result is None without one.
+    """
     for device in obj.dermis.finger.devices:
         if device.enabled and searched(device) is not None:
             return device
@@ -86,6 +101,6 @@ def searched_of(obj: bpy.types.Object) -> Any | None:
 
 
 def forget() -> None:
-    """Read presets anew."""
+    """Drop all presets, so that they are read anew."""
     _specs.clear()
     _hashes.clear()

@@ -41,7 +41,7 @@ def absolute(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def model_of(obj: bpy.types.Object) -> core.skin.model.SkinModel | None:
-    """Return the skin on which devices are matched; None while it is being made.
+    """Return the skin on which devices are matched; None while it is made.
 
     Raises:
         DermisError: a size that leaves no room for tissue.

@@ -1,4 +1,7 @@
-"""Which kinds of devices the fingers wear, and whether their adaptation or table is at hand."""
+"""Find the devices that fingers wear, and whether these are ready.
+
+A device is ready if its adaptation or its table exists.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,15 @@ from .. import changes
 from .._core import DermisError, core
 from . import active_presets, platform_devices, skin_models, thimble_adaptation, thimble_devices
 
-SEARCHED = "searched"  # beside the families: the device whose pose is searched for
+SEARCHED = "searched"  # key beside those of the families: the device whose pose is searched for
 ActiveDevices = Mapping[str, Mapping[str, int]]
 
 
 class Ready(NamedTuple):
-    """Figures of the adaptation or the table at hand, None for none; or in words why it cannot be used."""
+    """Figures of an adaptation or table, or a text on why it cannot be used.
+
+    `figures` is None if there is neither.
+    """
 
     figures: Any = None
     trouble: str = ""
@@ -28,7 +34,10 @@ _ready: core.recent.Recent[tuple[int, int, int, int], Mapping[str, Ready]] = cor
 
 
 def active_devices(scene: bpy.types.Scene) -> ActiveDevices:
-    """Return for each finger's name and each family, and `SEARCHED`, which of its devices is the one that counts."""
+    """Return the index of the device that counts, by finger and family.
+
+    It is the first enabled device of the family. `SEARCHED` is a key beside the families.
+    """
 
     def look_up() -> ActiveDevices:
         return {o.name_full: _devices(o.dermis.finger.devices) for o in scene.objects if o.dermis.role == "FINGER"}
@@ -37,9 +46,10 @@ def active_devices(scene: bpy.types.Scene) -> ActiveDevices:
 
 
 def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
-    """Return the readiness of a finger's 'thimble' and 'platform', looked up after each change, and when a table comes.
+    """Return the readiness of a finger's 'thimble' and 'platform'.
 
-    Devices that the finger does not wear are left out, and all while its skin is being made.
+    It is looked up again after each change, and when a table has been made. Devices that the finger does not wear are
+    left out; all are while its skin is being made.
     """
     key = (obj.session_uid, changes.edits(), skin_models.tables_there(), platform_devices.tables_made())
     if key in _ready:
@@ -63,7 +73,7 @@ def of(obj: bpy.types.Object) -> Mapping[str, Ready]:
 
 
 def forget() -> None:
-    """Look everything up anew."""
+    """Drop everything, so that it is looked up anew."""
     _active.clear()
     _ready.clear()
 

@@ -97,7 +97,7 @@ def _meta(path: Path) -> dict[str, Any]:
 
 
 def _remove(folder: Path, stem: str, *, whole: bool) -> None:
-    """Remove half-written files of an adaptation; with `whole`, whole ones too."""
+    """Remove half-written files of an adaptation, and if `whole` all files."""
     for path in folder.iterdir():
         mine = path.name.startswith(f".{stem}.") or (whole and path.name.startswith(f"{stem}."))
         if mine:

@@ -126,7 +126,9 @@ def _kept(mark: str) -> bool:
 
 
 def adapted(device: Any, model: Any) -> Path | None:
-    """Return the .npz of the adaptation to a skin; None without both its files.
+    """Return the .npz of the adaptation to a skin; None without its files.
+
+    Its files are an .npz and an .onnx.
 
     Raises:
         DermisError: a preset or settings that cannot be used.

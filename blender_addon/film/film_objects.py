@@ -1,7 +1,7 @@
-"""Objects made for films: which they are, where they hang, and how they go again.
+"""Manage the objects made for films: find, create, parent and remove them.
 
-Each carries a mark, so that making it anew finds it and puts the new contents into the old object: what an artist did
-to its material, its collection or its visibility stays.
+Each carries a mark. When it is made anew, the old object is found and gets the new contents. An artist's changes of its
+material, collection or visibility are kept.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ MARK, PIECE, HIDES = "dermis_film", "dermis_piece", "dermis_hides"
 
 @contextmanager
 def unnoticed(context: bpy.types.Context) -> Iterator[None]:
-    """Add and change objects without putting a bake out of date: none of them takes part in one."""
+    """Allow changes of objects for films without outdating a bake.
+
+    No such object takes part in a bake.
+    """
     with changes.muted():
         try:
             yield
@@ -34,7 +37,10 @@ def unnoticed(context: bpy.types.Context) -> Iterator[None]:
 
 @contextmanager
 def paused(scene: bpy.types.Scene) -> Iterator[None]:
-    """Let a scene's skins and pins rest meanwhile: at each sample of a sweep they would cost more than all else."""
+    """Stop a scene's skins and pins from playing inside the context.
+
+    At each sample of a sweep, playing them would take longer than all other work.
+    """
     uid = scene.session_uid
     playing = [obj.name for obj in scene.objects if MARK in obj and any(m.show_viewport for m in _players(obj))]
     try:
@@ -52,10 +58,11 @@ def of_kind(scene: bpy.types.Scene, kind: Kind) -> list[bpy.types.Object]:
 def named(
     scene: bpy.types.Scene, kind: Kind, parent: bpy.types.Object, piece: str, name: str, data: type | None
 ) -> bpy.types.Object:
-    """Return a parent's child of a kind by the name of its piece, made where it is missing.
+    """Return a parent's child of a kind and piece; make it if it is missing.
 
     Args:
-        name: of an object that is new. data: of its contents, `bpy.types.Mesh` or `bpy.types.TextCurve`; None: empty.
+        name: name of a new object.
+        data: type of its data, `bpy.types.Mesh` or `bpy.types.TextCurve`; None for an empty.
     """
     for child in parent.children:
         if child.get(MARK) == kind and child.get(PIECE) == piece and child.name in scene.objects:
@@ -73,7 +80,10 @@ def named(
 
 
 def hang(obj: bpy.types.Object, finger: bpy.types.Object, scene: bpy.types.Scene) -> None:
-    """Let an object whose data are metres hang in its finger's frame, whatever scale finger and scene have."""
+    """Put an object with data in metres into its finger's frame.
+
+    The scales of the finger and of the scene's unit are cancelled.
+    """
     size = finger.matrix_world.to_scale()
     obj.matrix_parent_inverse = Matrix.Diagonal((*(1.0 / (s or 1.0) for s in size), 1.0)) @ Matrix.Scale(
         1.0 / metres_per_unit(scene), 4
@@ -81,9 +91,9 @@ def hang(obj: bpy.types.Object, finger: bpy.types.Object, scene: bpy.types.Scene
 
 
 def remove(scene: bpy.types.Scene, kind: Kind) -> int:
-    """Remove a scene's objects of a kind with their data, keys and collection; return how many there were.
+    """Remove a scene's objects of a kind; return their number.
 
-    Fingers that a skin had hidden from renders are seen again.
+    Their data, keys and collection are removed as well. Fingers that a skin had hidden from renders are shown again.
     """
     found = of_kind(scene, kind)
     for obj in found:
@@ -104,7 +114,7 @@ def remove_others(parent: bpy.types.Object, kind: Kind, kept: set[str]) -> None:
 
 
 def fill(mesh: bpy.types.Mesh, vertices: Any, faces: Iterable[Any]) -> None:
-    """Give a mesh new vertices and faces, smooth ones; its materials stay."""
+    """Give a mesh new vertices and smooth faces; its materials stay."""
     mesh.clear_geometry()
     mesh.from_pydata(vertices.tolist(), [], [list(face) for face in faces])
     mesh.polygons.foreach_set("use_smooth", [True] * len(mesh.polygons))
@@ -117,7 +127,7 @@ def _players(obj: bpy.types.Object) -> list[Any]:
 
 
 def _let_play(uid: int, names: list[str], *, shown: bool) -> None:
-    """Switch players on or off, where they are still there, unnoticed by the bake."""
+    """Switch existing players on or off without outdating a bake."""
     scene = next((s for s in bpy.data.scenes if s.session_uid == uid), None)
     if scene is None or not names:
         return

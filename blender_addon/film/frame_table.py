@@ -1,10 +1,10 @@
-"""Positions and values of a mesh that change from frame to frame, without a handler and without a file.
+"""Play positions and values of a mesh over frames, without handler or file.
 
-A second object, in no collection, is the table: its points are the mesh's vertices at the first frame, then at the
-second, and so on, and the stresses there are attributes of them. Nodes of the mesh read the row of the scene's time and
-the one after, so that slow motion, motion blur and exports see states between frames. Of 2,500 vertices in 250
-frames the table takes 16 MB of the .blend and a frame 0.25 ms; a mesh cache takes 8 MB and 0.1 ms, and shape keys as
-much, but neither carries values.
+A second object, in no collection, is the table. Its points are the mesh's vertices at the first frame, then at the
+second, and so on, and the values there are attributes of the points. Nodes of the mesh read the row of the scene's time
+and the next row, so that slow motion, motion blur and exports have states between frames. With 2,500 vertices and 250
+frames, the table takes 16 MB of the .blend, and each frame 0.25 ms. A mesh cache or shape keys would take 8 MB and
+0.1 ms, but have no values.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class FrameTable(NamedTuple):
     """Shapes and values of a mesh over consecutive frames.
 
     Attributes:
-        first, step: the evaluated frame of the first row, and from one row to the next.
-        positions: positions of its vertices in the object's space, shape (f, d, 3).
-        values: by the name of the attribute, shape (f, d) each.
+        first, step: the evaluated frame of the first row, and the step from one row to the next.
+        positions: positions of the vertices in the object's space, shape (f, d, 3).
+        values: values by the name of the attribute, shape (f, d) each.
     """
 
     first: float
@@ -37,13 +37,13 @@ class FrameTable(NamedTuple):
     def of_scene(
         cls, scene: bpy.types.Scene, first: int, positions: Floats32, values: Mapping[str, Floats32]
     ) -> FrameTable:
-        """Return a table with a row for each whole scene frame from a first one on."""
+        """Return a table with one row for each whole scene frame from `first` on."""
         start, after = (scene_time.evaluated(scene, float(frame)) for frame in (first, first + 1))
         return cls(start, after - start, positions, values)
 
 
 def play(obj: bpy.types.Object, table: FrameTable) -> None:
-    """Let a mesh object move through a table, whose vertices are its own; an earlier table goes."""
+    """Let a mesh object play a table of its vertices, in place of an earlier."""
     name = f"{obj.name} Frames"
     modifier = obj.modifiers.get(MODIFIER) or obj.modifiers.new(MODIFIER, "NODES")
     group = modifier.node_group
@@ -73,7 +73,7 @@ def _fill(mesh: bpy.types.Mesh, table: FrameTable) -> None:
 
 
 class _Nodes:
-    """Builds the nodes that read a table."""
+    """Builder of the nodes that read a table."""
 
     def __init__(self, group: Any) -> None:
         self._group = group
@@ -146,7 +146,10 @@ class _Nodes:
 
 
 def _enabled(sockets: Any) -> list[Any]:
-    """Return the sockets that a node's type of data uses: of the others of the same name nothing is read."""
+    """Return the sockets that a node's type of data uses.
+
+    Other sockets may have the same names, but are not read.
+    """
     return [s for s in sockets if s.enabled]
 
 

@@ -1,4 +1,7 @@
-"""The colours' legend in the picture of a film: it hangs on the camera, so that it is at its place in every frame."""
+"""Draw the legend of the colours into the picture of a film.
+
+It is a child of the camera, so that it has the same place in every frame.
+"""
 
 from __future__ import annotations
 
@@ -10,18 +13,22 @@ import numpy as np
 from ..viewport import skin_field
 from . import film_objects, heat_material
 
-WIDTH, BAR, LETTER, MARGIN = 0.26, 0.016, 0.02, 0.022  # of the picture's width
-BEHIND = 2.0  # times the nearest that the camera sees: nothing of the scene is in front
+# Shares of the picture's width. WIDTH: the bar's length. BAR: its height. LETTER: size of letters. MARGIN: margin.
+WIDTH, BAR, LETTER, MARGIN = 0.26, 0.016, 0.02, 0.022
+BEHIND = 2.0  # distance from the camera over its clip start: so near that the scene hardly covers the legend
 MARKS = (0.0, 0.5, 1.0)
-PANEL, INK = (0.016, 0.018, 0.022), (0.9, 0.9, 0.9)  # as light, of the view's cards
+PANEL, INK = (0.016, 0.018, 0.022), (0.9, 0.9, 0.9)  # linear colours of the ground and the text, as on the view's cards
 STEPS = 64
 
 
 def draw(scene: bpy.types.Scene, attribute: str, quantity: str, top: float, table: str) -> bpy.types.Object | None:
-    """Put the legend before the scene's camera, in place of one made before; return it, None without a camera.
+    """Put the legend before the scene's camera, and return it.
+
+    It replaces an earlier one. The result is None without a camera.
 
     Args:
-        attribute, quantity: of the colours, and its key in `skin_field.QUANTITIES`. top: their end [SI].
+        attribute, quantity: the shown attribute, and its key in `skin_field.QUANTITIES`.
+        top: value at the end of the colours [SI].
         table: name of the colour table.
     """
     camera = scene.camera
@@ -49,7 +56,7 @@ def draw(scene: bpy.types.Scene, attribute: str, quantity: str, top: float, tabl
 
 
 def _corner(scene: bpy.types.Scene, camera: bpy.types.Object) -> tuple[tuple[float, float], float, float]:
-    """Return where the legend begins, how far before the camera, and the picture's width there."""
+    """Return the legend's corner, distance from the camera, and picture width."""
     corners = np.array([tuple(c) for c in camera.data.view_frame(scene=scene)])
     depth = BEHIND * camera.data.clip_start
     if camera.data.type != "ORTHO":
@@ -63,7 +70,10 @@ def _corner(scene: bpy.types.Scene, camera: bpy.types.Object) -> tuple[tuple[flo
 def _plate(
     scene: bpy.types.Scene, root: bpy.types.Object, piece: str, box: tuple[float, ...], z: float, material: Any
 ) -> bpy.types.Object:
-    """Return a rectangle of left, bottom, width and height, in strips from left to right."""
+    """Return a rectangle of strips from left to right.
+
+    `box` has its left, bottom, width and height.
+    """
     obj = film_objects.named(scene, "legend", root, piece, f"Dermis Legend {piece}", bpy.types.Mesh)
     left, bottom, width, height = box
     x = left + width * np.linspace(0.0, 1.0, STEPS + 1)
@@ -85,7 +95,7 @@ def _text(
 
 
 def _dress(obj: bpy.types.Object, material: bpy.types.Material) -> None:
-    """Give a part its material, and let it be seen by the camera alone."""
+    """Give a part its material, and make it visible to the camera only."""
     data: Any = obj.data
     if not data.materials:
         data.materials.append(material)
@@ -94,7 +104,7 @@ def _dress(obj: bpy.types.Object, material: bpy.types.Material) -> None:
 
 
 def _flat(name: str, colour: tuple[float, float, float]) -> bpy.types.Material:
-    """Return a material that shines with one colour."""
+    """Return a material that emits one colour."""
     found = bpy.data.materials.get(name)
     if found is not None and found.library is None:
         return found

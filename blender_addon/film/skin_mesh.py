@@ -1,6 +1,7 @@
-"""The deformed skin of a baked finger as a mesh that plays, with stress, pressure and displacement as attributes.
+"""Make the deformed skin of a baked finger as a mesh that plays.
 
-The same surface and the same values as the heat map in the view, so that a figure equals the view.
+Stress, pressure and displacement are attributes of the mesh. Surface and values are those of the heat map in the view,
+so that a figure equals the view.
 """
 
 from __future__ import annotations
@@ -26,12 +27,15 @@ from .frame_table import FrameTable, play
 
 ATTRIBUTES = {"stress": "von_mises", "pressure": "pressure", "displacement": "displacement"}
 """Names of the attributes, in SI, and the quantities of the heat map that they hold."""
-NAIL = 1  # material of a fingertip of ours
-TOPS = "dermis_tops"  # the largest value of each over all frames, kept with the object
+NAIL = 1  # index of the nail's material in a fingertip of the add-on
+TOPS = "dermis_tops"  # property of the object: the largest value of each attribute over all frames
 
 
 class Made(NamedTuple):
-    """A finger's skin over its frames: triangles, shape (t, 3), their movement, and the bone's displacement [m]."""
+    """A finger's skin over its frames.
+
+    It has triangles, shape (t, 3), the table of their motion, and the displacement of the bone [m].
+    """
 
     finger: str
     place: Place
@@ -41,10 +45,12 @@ class Made(NamedTuple):
 
 
 def work_out(scene: bpy.types.Scene, fingers: list[str]) -> Steps:
-    """Work out the skins of fingers at every whole frame of the last bake; yield progress, return a list of `Made`.
+    """Compute the skins of fingers at every whole frame of the last bake.
+
+    Yields progress, and returns a list of `Made`.
 
     Raises:
-        DermisError: no bake, or none of these fingers' skin is in it.
+        DermisError: there is no bake, or it has no skin of these fingers.
     """
     result = store.current(scene)
     felt = {} if result is None else {n: t for n, t in result.bake.skins.items() if n in fingers and len(t.frames)}
@@ -73,15 +79,15 @@ def work_out(scene: bpy.types.Scene, fingers: list[str]) -> Steps:
 
 
 def place(scene: bpy.types.Scene, made: list[Made], *, hide_finger: bool) -> list[bpy.types.Object]:
-    """Put skins into the scene, in place of those made before; return their objects.
+    """Put skins into the scene in place of earlier ones; return their objects.
 
     Args:
-        hide_finger: leave the finger's own shape, which does not give way, out of renders.
+        hide_finger: hide the finger's own shape, which does not deform, in renders.
     """
     objects = []
     for skin in made:
         finger = skin.place.finger(scene)
-        if finger is None:  # removed while this was worked out
+        if finger is None:  # the finger was removed meanwhile
             continue
         obj = film_objects.named(scene, "skin", finger, "skin", f"{skin.finger} Skin", bpy.types.Mesh)
         film_objects.hang(obj, finger, scene)
@@ -102,9 +108,10 @@ def place(scene: bpy.types.Scene, made: list[Made], *, hide_finger: bool) -> lis
 
 
 def _with_nail(skin: Made, finger: bpy.types.Object, scene: bpy.types.Scene) -> tuple[FrameTable, list[Any], int]:
-    """Return a skin with the nail of a fingertip of ours, which goes with the bone: table, faces, how many are nail.
+    """Return a skin's table and faces with the nail, and the nail's face count.
 
-    Tissue has a bed in the nail's place, and the finger's own shape is not rendered.
+    The nail is that of a fingertip of the add-on, and moves with the bone. It is added because the tissue has only a
+    bed in its place, and the finger's own shape may be hidden in renders.
     """
     faces, data = skin.triangles.tolist(), finger.data
     if not isinstance(data, bpy.types.Mesh) or not data.get(OURS):
@@ -125,7 +132,10 @@ def _with_nail(skin: Made, finger: bpy.types.Object, scene: bpy.types.Scene) -> 
 
 
 def top(scene: bpy.types.Scene, name: str) -> float:
-    """Return the end of the colours of an attribute [SI]: the view's, where that is fixed, else all skins' largest."""
+    """Return the value of an attribute at the end of its colours [SI].
+
+    It is that of the view if its range is fixed and shows the attribute, else the largest of all skins, rounded.
+    """
     view, quantity = scene.dermis.skin_view, ATTRIBUTES[name]
     factor = skin_field.QUANTITIES[quantity].factor
     if view.range_mode == "fixed" and view.quantity == quantity:
@@ -139,7 +149,7 @@ def _frames(touch: Any) -> range:
 
 
 def _row(name: str, touch: Any, frame: int, exaggeration: float) -> tuple[Any, dict[str, Any], float]:
-    """Return vertices, values and how far the bone gives way at a frame."""
+    """Return vertices, values and the displacement of the bone at a frame."""
     step = touch.at(int(np.abs(touch.frames - frame).argmin()))
     state = SkinState.of(name, touch.model, step, "bake", "", {})
     drawn = {a: skin_field.draw_of(state, quantity, exaggeration) for a, quantity in ATTRIBUTES.items()}

@@ -1,4 +1,7 @@
-"""Device twins as objects with keys, made from the last bake: they hang on their finger and move in renders."""
+"""Make device twins as objects with keys, from the last bake.
+
+They are children of their finger and move in renders.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +26,12 @@ from . import film_objects, heat_material
 from .frame_table import FrameTable, play
 from .twin_pieces import Piece, pieces_of
 
-SHARP = math.radians(35.0)  # between faces that are seen as an edge
-SAME = 1e-9  # [m, rad]: what changes less has no keys
+SHARP = math.radians(35.0)  # [rad] least angle between faces that is shown as an edge
+SAME = 1e-9  # [m, or no unit] a property whose values differ by no more gets no keys
 
 
 class Made(NamedTuple):
-    """One device over its frames: rigid pieces with keys at `frames`, or pins as one mesh that plays."""
+    """One device over its frames: rigid pieces with keys, or a mesh of pins."""
 
     finger: str
     place: Place
@@ -40,12 +43,12 @@ class Made(NamedTuple):
 
 
 def work_out(scene: bpy.types.Scene, fingers: Sequence[str]) -> Steps:
-    """Work out the twins of fingers at every frame of the last bake; yield progress.
+    """Compute the twins of fingers at every frame of the last bake.
 
-    Returns a list of `Made`, and the refusals of devices that have none, as findings.
+    Yields progress. Returns a list of `Made`, and findings on devices that could not be computed.
 
     Raises:
-        DermisError: no bake, or none of a device of these fingers.
+        DermisError: there is no bake, or none of a device of these fingers.
     """
     result = store.current(scene)
     outputs = [] if result is None else [o for o in result.bake.outputs if o.finger in fingers and len(o.track.times)]
@@ -57,7 +60,7 @@ def work_out(scene: bpy.types.Scene, fingers: Sequence[str]) -> Steps:
         yield core.pipeline.bake.Progress("twin", step, len(outputs))
         place = places.get(output.finger)
         obj, last = place and place.finger(scene), math.floor(export_parts.last_frame(result) + 1e-6)
-        if place is None or obj is None:  # removed while this was worked out
+        if place is None or obj is None:  # the finger was removed meanwhile
             continue
         frames = np.arange(math.ceil(result.clock.first - 1e-6), last + 1.0, dtype=np.float64)
         rows = [device_preview.baked_row(result, output, float(frame)) for frame in frames]
@@ -65,7 +68,7 @@ def work_out(scene: bpy.types.Scene, fingers: Sequence[str]) -> Steps:
             try:
                 pins = _pins(scene, obj, rows, int(frames[0])) if rows[0].drawn == "pins" else None
                 pieces = pieces_of(scene, obj, rows)
-            except DermisError as error:  # the other devices are made all the same
+            except DermisError as error:  # the other devices are still made
                 refused.append(error.as_finding())
                 continue
         if pieces or pins is not None:
@@ -74,7 +77,10 @@ def work_out(scene: bpy.types.Scene, fingers: Sequence[str]) -> Steps:
 
 
 def place(scene: bpy.types.Scene, made: Sequence[Made]) -> list[bpy.types.Object]:
-    """Put twins into the scene, in place of those made before; return their parents, an empty a device."""
+    """Put twins into the scene in place of earlier ones; return their parents.
+
+    The parent of each device is an empty.
+    """
     roots = []
     for twin in made:
         finger = twin.place.finger(scene)
@@ -98,7 +104,10 @@ def place(scene: bpy.types.Scene, made: Sequence[Made]) -> list[bpy.types.Object
 
 
 def _pins(scene: bpy.types.Scene, obj: bpy.types.Object, rows: Sequence[Any], first: int) -> tuple[Part, FrameTable]:
-    """Return the pins of an array with their share of the greatest force, as the view draws them."""
+    """Return the pins of an array as the view draws them, over all rows.
+
+    Their values are the share of each force in the largest allowed force.
+    """
     pins = pin_preview.pins_of(obj, rows[0].device)
     if pins is None:
         raise DermisError("the finger's skin is still being made", where=f"finger '{obj.name}'")
@@ -121,15 +130,21 @@ def _child(
 
 
 def _merged(shape: Part) -> tuple[Any, Any]:
-    """Return a part's points, each once, and its triangles: the view draws bands that share none."""
+    """Return a part's points without duplicates, and its triangles.
+
+    The bands that the view draws share no points.
+    """
     _, kept, number = np.unique(np.round(shape.positions, 8), axis=0, return_index=True, return_inverse=True)
     triangles = number.reshape(-1)[shape.triangles]
-    whole = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)  # a cone's tip is one point
+    whole = (np.diff(np.sort(triangles, axis=1), axis=1) > 0).all(axis=1)  # at a cone's tip, corners become one point
     return shape.positions[kept], triangles[whole]
 
 
 def _key(obj: bpy.types.Object, frames: Array, piece: Piece) -> None:
-    """Replace an object's keys at evaluated frames: straight between them, and none for what does not change."""
+    """Replace an object's keys at evaluated frames.
+
+    Keys are linear between frames. A property that does not change gets none.
+    """
     if obj.animation_data is not None:
         action = obj.animation_data.action
         obj.animation_data_clear()
@@ -159,7 +174,7 @@ def _dress(obj: bpy.types.Object, material: bpy.types.Material) -> None:
 
 
 def _material(name: str, *, glows: bool) -> bpy.types.Material:
-    """Return the material of twins: each object's own colour, which its keys change."""
+    """Return the material of twins, which shows each object's own colour."""
     found = bpy.data.materials.get(name)
     if found is not None and found.library is None:
         return found
@@ -182,7 +197,10 @@ def _material(name: str, *, glows: bool) -> bpy.types.Material:
 
 
 def _pin_material() -> bpy.types.Material:
-    """Return the material of pins: blue at rest, over white, to orange at the greatest force."""
+    """Return the material of pins, coloured by the share of the largest force.
+
+    It is blue at rest, white between, and orange at the largest force.
+    """
     name = "Dermis Twin Pins"
     found = bpy.data.materials.get(name)
     if found is not None and found.library is None:

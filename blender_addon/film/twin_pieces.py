@@ -1,6 +1,7 @@
-"""The rigid pieces of a device's twin over frames: where each is, and its colour.
+"""Compute the pieces of a device's twin over frames: poses and colours.
 
-Shapes are those that the view draws. Bars may stretch, cables do, and do not turn about their own length.
+Shapes are those that the view draws. Pieces are rigid, except bars and cables, which may stretch. These do not turn
+about their own length.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ class Piece(NamedTuple):
     """A piece of a device.
 
     Attributes:
-        shape: in the piece's own frame [m]; its colours are not used.
-        poses: in the finger's frame, scale included, shape (n, 4, 4), or (1, 4, 4) for what stays.
-        colours: shape (n, 4), or (1, 4).
-        glows: it is light, not a body.
+        shape: shape in the piece's own frame [m]; its colours are not used.
+        poses: matrices to the finger's frame, with scale, shape (n, 4, 4), or (1, 4, 4) for a piece at rest.
+        colours: colours over the frames, shape (n, 4), or (1, 4) for one that does not change.
+        glows: whether it is light, not a body.
     """
 
     name: str
@@ -38,10 +39,12 @@ class Piece(NamedTuple):
 
 
 def pieces_of(scene: bpy.types.Scene, finger: bpy.types.Object, rows: Sequence[Row]) -> list[Piece]:
-    """Return the pieces of a device from its state at each frame; none for a device that is only drawn as values.
+    """Return the pieces of a device from its state at each frame.
+
+    A device that is drawn only as values has none.
 
     Raises:
-        DermisError: a preset or commands for which there is no pose, or a skin that is still being made.
+        DermisError: the preset or commands have no pose, or a skin is still being made.
     """
     made: dict[str, Callable[[], list[Piece]]] = {
         "tactor": lambda: _tactor(rows, float(scene.dermis.twin_exaggeration)),
@@ -64,7 +67,10 @@ def _tactor(rows: Sequence[Row], exaggeration: float) -> list[Piece]:
 
 
 def _screen(rows: Sequence[Row]) -> list[Piece]:
-    """A field as wide and as bright as its amplitude; without any it is not seen."""
+    """Return a field whose width and brightness grow with its amplitude.
+
+    At an amplitude of 0 it is not visible.
+    """
     levels = np.clip([r.values["amplitude"] / r.full_scale("amplitude") for r in rows], 0.0, 1.0)
     wide = tactor_twin.FINGER + 9e-3 * levels
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
@@ -137,13 +143,16 @@ def _platform(finger: bpy.types.Object, rows: Sequence[Row]) -> list[Piece]:
 
 
 def _rod(name: str, start: Array, end: Array, half: float, colours: Array) -> Piece:
-    """Return a bar of length 1 along its own Z between two points of every frame, shapes (n, 3)."""
+    """Return a bar between two points of every frame, shapes (n, 3).
+
+    The bar has length 1 along its own Z, and its poses stretch it.
+    """
     poses = np.tile(np.eye(4), (len(start), 1, 1))
     poses[:, :3, 3], poses[:, :3, 2] = start, end - start
     side = None
     for pose in poses:
         along = pose[:3, 2] / max(float(np.linalg.norm(pose[:3, 2])), 1e-12)
-        # the side of the frame before, turned no more than it must
+        # The side of the frame before, rotated only as far as the bar's direction requires.
         side = across(along[None])[0][0] if side is None else side - (side @ along) * along
         side = side / np.linalg.norm(side)
         pose[:3, 0], pose[:3, 1] = side, np.cross(along, side)
@@ -159,7 +168,10 @@ def _still(name: str, shape: Part, colour: Colour) -> Piece:
 
 
 def _one(colour: Colour) -> Array:
-    """Return the colour of a body that keeps it: bodies are opaque, whatever the view draws through."""
+    """Return the opaque colour of a body that does not change, shape (1, 4).
+
+    The view may draw the body as transparent.
+    """
     return np.array([[*colour[:3], 1.0]])
 
 

@@ -1,4 +1,4 @@
-"""Where fingers are put: on surfaces, along gestures, by recordings."""
+"""Put fingers on surfaces and along gestures."""
 
 from .. import on_demand
 

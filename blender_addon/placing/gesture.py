@@ -1,4 +1,7 @@
-"""A gesture as poses of a finger over time: come down, press, hold, slide along the surface, lift."""
+"""Compute the poses of a finger in a gesture.
+
+The finger comes down, presses, holds, slides along the surface, and lifts.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +13,8 @@ from mathutils import Matrix, Quaternion, Vector
 
 from .surfaces import Spot, frame_on
 
-_STEP = 1.0e-3  # [m] of the slide between keys: a curved surface is followed
-_MOST = 500  # keys of a slide
+_STEP = 1.0e-3  # [m] length of the slide between keys, small enough to follow a curved surface
+_MOST = 500  # largest number of keys of a slide
 
 
 @dataclass(frozen=True)
@@ -19,10 +22,11 @@ class Gesture:
     """A finger's movement, in metres and seconds.
 
     Attributes:
-        height: above the surface, from which it comes and to which it lifts. approach: speed there [m/s].
+        height: height above the surface at the begin and the end. approach: speed of coming down and lifting [m/s].
         depth: depth of the press; the bone is this far below its position at first touch.
         hold: time before it slides [s].
-        slide: way along the surface. speed: on it [m/s]. direction: angle about the normal, 0 to the tip [rad].
+        slide: length of the slide along the surface. speed: speed of the slide [m/s].
+        direction: direction of the slide, as an angle about the normal from the direction of the tip [rad].
     """
 
     height: float
@@ -37,11 +41,13 @@ class Gesture:
 def poses(
     gesture: Gesture, start: Matrix, spot: Spot, nearest: Callable[[Vector], Spot | None], unit: float
 ) -> tuple[list[float], list[Matrix]]:
-    """Return times [s] from the beginning, and the finger's frames then, in scene units.
+    """Return times [s] from the beginning, and the finger's frames then.
+
+    Frames are in scene units.
 
     Args:
-        start: the finger's frame, which says where its tip points. spot: where it touches first.
-        nearest: returns the nearest spot of the surface. unit: metres in a scene unit.
+        start: the finger's frame, which gives the direction of its tip. spot: the place of first touch.
+        nearest: function that returns the nearest spot of the surface. unit: [m] length of a scene unit.
     """
     frame = frame_on(spot, start.to_3x3().col[1])
     times = [0.0, gesture.height / gesture.approach]
@@ -69,5 +75,5 @@ def poses(
 
 
 def raised(frame: Matrix, height: float) -> Matrix:
-    """Return a frame moved along its own nail."""
+    """Return a frame moved along its own Z, towards the nail."""
     return Matrix.Translation(height * frame.to_3x3().col[2]) @ frame

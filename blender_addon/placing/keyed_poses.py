@@ -1,4 +1,4 @@
-"""Poses as keys of an object, beside the keys that it has at other frames."""
+"""Write poses as keys of an object; its keys at other frames stay."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from .surfaces import turning
 
 
 def key(obj: bpy.types.Object, frames: Sequence[float], poses: Sequence[Matrix]) -> None:
-    """Key an object without a parent at evaluated frames, straight between them.
+    """Key an object without a parent at evaluated frames.
 
-    Keys that it has from the first frame to the last go.
+    Keys are linear between frames. Existing keys from the first frame to the last are removed.
 
     Args:
-        frames: at which keys lie, rising (`scene_time.evaluated`). poses: of the object in the scene, one each.
+        frames: rising frames of the keys (`scene_time.evaluated`). poses: the pose of the object in the scene at each.
     """
     path = turning(obj)
     rows: list[tuple[float, ...]] = []
@@ -39,7 +39,7 @@ def key(obj: bpy.types.Object, frames: Sequence[float], poses: Sequence[Matrix])
 
 
 def _replace(bag: Any, path: str, index: int, frames: Sequence[float], values: Sequence[float]) -> None:
-    """Put keys into one curve."""
+    """Replace the keys of one curve between the first and the last frame."""
     curve = bag.fcurves.find(path, index=index) or bag.fcurves.new(path, index=index)
     for point in reversed(curve.keyframe_points):
         if frames[0] <= point.co[0] <= frames[-1]:

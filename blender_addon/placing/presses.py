@@ -1,4 +1,7 @@
-"""Where a finger is and will be by its own keys, how deep things are in its flesh there, and on which side they lie."""
+"""Find the poses of a finger by its keys, and the bodies that it presses.
+
+For a body, the depth in the finger and the side on which it lies are found.
+"""
 
 from __future__ import annotations
 
@@ -14,11 +17,14 @@ from .. import compat
 from . import keyed_poses, surfaces
 
 MOVERS = frozenset({"ARMATURE", "CLOTH", "HOOK", "LATTICE", "MESH_CACHE", "MESH_DEFORM", "NODES", "SOFT_BODY", "WAVE"})
-_FRONT = 0.2  # cosine between a face that is pressed and the nail, at least
+_FRONT = 0.2  # least cosine between the normal of a pressed face and the direction of the nail
 
 
 def moves(obj: bpy.types.Object | None) -> bool:
-    """Return whether keys, drivers, constraints, modifiers or physics move an object, or a parent of it."""
+    """Return whether anything moves an object or a parent of it.
+
+    Keys, drivers, constraints, modifiers and physics count.
+    """
     while obj is not None:
         keys = obj.animation_data
         if keys is not None and (keys.action is not None or len(keys.drivers) or len(keys.nla_tracks)):
@@ -30,7 +36,10 @@ def moves(obj: bpy.types.Object | None) -> bool:
 
 
 def keyed(finger: bpy.types.Object, most: int) -> dict[float, Matrix]:
-    """Return a finger's poses at its own keys, by frame, evenly thinned; none where more than these keys moves it."""
+    """Return a finger's poses at its own keys, by frame, at most about `most`.
+
+    Poses are thinned evenly. There are none if anything other than these keys moves the finger.
+    """
     curves = _curves(finger)
     free = finger.parent is None and not len(finger.constraints)
     if not (curves and free) or finger.rotation_mode == "AXIS_ANGLE" or finger.animation_data.nla_tracks:
@@ -41,17 +50,19 @@ def keyed(finger: bpy.types.Object, most: int) -> dict[float, Matrix]:
 
 
 def ball(body: bpy.types.Object) -> tuple[Vector, float]:
-    """Return middle and radius of a ball about an object, in scene units."""
+    """Return the centre and radius of a ball about an object, in scene units."""
     corners = [body.matrix_world @ Vector(corner) for corner in body.bound_box]
     middle = sum(corners, Vector()) / len(corners)
     return middle, max((corner - middle).length for corner in corners)
 
 
 def depth(body: bpy.types.Object, pose: Matrix, thickness: float, depsgraph: bpy.types.Depsgraph) -> float:
-    """Return how far a body's surface is above the pad, within the finger and from its pad's side; 0 where it is not.
+    """Return the depth of a body's surface in a finger, above the pad.
+
+    It is 0 if the surface does not reach into the finger from the side of the pad.
 
     Args:
-        thickness: thickness of the finger from pad to nail, in scene units, as the returned value.
+        thickness: thickness of the finger from pad to nail, in scene units, as is the returned value.
     """
     evaluated = body.evaluated_get(depsgraph)
     if abs(evaluated.matrix_world.determinant()) < 1e-30 or not evaluated.data.polygons:
@@ -68,10 +79,13 @@ def depth(body: bpy.types.Object, pose: Matrix, thickness: float, depsgraph: bpy
 def side(
     body: bpy.types.Object, pose: Matrix, thickness: float, reach: float, depsgraph: bpy.types.Depsgraph
 ) -> float | None:
-    """Return on which side of a finger a body lies: 1 straight before the pad, -1 at the nail; None out of reach.
+    """Return the side of a finger on which a body lies.
+
+    It is the cosine of the angle from the pad's direction: 1 straight before the pad, -1 at the nail. It is None for a
+    body out of reach, or round the finger's middle.
 
     Args:
-        reach: beyond the finger's own thickness, in scene units as that.
+        reach: reach beyond the finger's own surface, in scene units as `thickness`.
     """
     up = pose.to_3x3().col[2].normalized()
     middle = pose.translation + 0.5 * thickness * up
@@ -83,7 +97,10 @@ def side(
 
 
 def repose(finger: bpy.types.Object, change: Callable[[Matrix], Matrix]) -> None:
-    """Change a finger's pose now, and at all its keys where they alone move it; their interpolation stays."""
+    """Change a finger's pose at all its keys if these alone move it, else now.
+
+    The interpolation of the keys is kept.
+    """
     poses = keyed(finger, sys.maxsize)
     if not poses:
         finger.matrix_world = change(finger.matrix_world)
@@ -103,7 +120,7 @@ def turned(pose: Matrix, thickness: float) -> Matrix:
 
 
 def _curves(finger: bpy.types.Object) -> dict[tuple[str, int], Any]:
-    """Return the curves of a finger's own place and turn."""
+    """Return the curves of a finger's location and rotation."""
     keys = finger.animation_data
     if keys is None or keys.action is None:
         return {}

@@ -1,4 +1,4 @@
-"""The surface of an object where a finger is: the nearest point, whether the pad is inside, and how to lie on it."""
+"""Find places on the surface of an object, and put fingers there."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from mathutils import Matrix, Vector
 
 from .. import compat
 
-_UP = 1e-5  # of a solid's size by which a point is raised, so that of sides as near as each other the upper one wins
+_UP = 1e-5  # share of a solid's size by which a point is raised, so that the upper of two equally near sides is found
 _WAYS = tuple(Vector(way) for way in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)))
 
 
@@ -23,7 +23,10 @@ class Spot:
 
 
 def nearest(obj: bpy.types.Object, point: Vector, depsgraph: bpy.types.Depsgraph) -> Spot | None:
-    """Return where a mesh object's surface is nearest to a point; None for a mesh without faces, or one of no size."""
+    """Return the nearest spot of a mesh object's surface to a point.
+
+    It is None for a mesh without faces, or with a scale of zero.
+    """
     evaluated = obj.evaluated_get(depsgraph)
     matrix = evaluated.matrix_world
     if abs(matrix.determinant()) < 1e-30 or not evaluated.data.polygons:
@@ -34,14 +37,17 @@ def nearest(obj: bpy.types.Object, point: Vector, depsgraph: bpy.types.Depsgraph
 
 
 def inside(obj: bpy.types.Object, point: Vector, depsgraph: bpy.types.Depsgraph) -> bool:
-    """Return whether a point is inside a solid: every way out meets its surface from behind."""
+    """Return whether a point is inside a solid.
+
+    It is inside if rays along all axes first hit the surface from behind.
+    """
     evaluated = obj.evaluated_get(depsgraph)
     if abs(evaluated.matrix_world.determinant()) < 1e-30 or not evaluated.data.polygons:
         return False
     local = evaluated.matrix_world.inverted() @ point
     corners = [Vector(corner) for corner in evaluated.bound_box]
     if any(not min(c[i] for c in corners) < local[i] < max(c[i] for c in corners) for i in range(3)):
-        return False  # before anything builds a tree
+        return False  # without the cost of a tree for ray casts
     for way in _WAYS:
         hit, _, normal, _ = evaluated.ray_cast(local, way)
         if not hit or normal.dot(way) <= 0.0:
@@ -50,7 +56,10 @@ def inside(obj: bpy.types.Object, point: Vector, depsgraph: bpy.types.Depsgraph)
 
 
 def way_out(objects: Iterable[bpy.types.Object], point: Vector, depsgraph: bpy.types.Depsgraph) -> Spot | None:
-    """Return the nearest surface of the solids that a point is inside, the upper of two as near; None outside all."""
+    """Return the nearest spot of the solids that a point is inside.
+
+    Of two equally near spots, it is the upper one. It is None for a point outside all solids.
+    """
     raised = [
         (obj, point + Vector((0.0, 0.0, _UP * max(obj.dimensions)))) for obj in objects if inside(obj, point, depsgraph)
     ]
@@ -59,7 +68,10 @@ def way_out(objects: Iterable[bpy.types.Object], point: Vector, depsgraph: bpy.t
 
 
 def frame_on(spot: Spot, tip: Vector) -> Matrix:
-    """Return the frame of a finger whose pad lies on a spot, its nail along the normal and its tip where it pointed."""
+    """Return the frame of a finger whose pad lies on a spot.
+
+    Its nail is along the normal, and its tip along the projection of `tip` onto the surface.
+    """
     y = tip - tip.dot(spot.normal) * spot.normal
     if y.length < 1e-6 * max(tip.length, 1e-30):
         y = spot.normal.orthogonal()
@@ -70,10 +82,12 @@ def frame_on(spot: Spot, tip: Vector) -> Matrix:
 
 
 def lie(finger: bpy.types.Object, spot: Spot, gap: float) -> None:
-    """Put a finger's pad on a spot, its nail along the normal; where it has keys, it gets one at this frame.
+    """Put a finger's pad on a spot, with the nail along the normal.
+
+    A finger with keys gets keys at this frame.
 
     Args:
-        gap: between pad and surface, below zero where it presses, in scene units.
+        gap: gap between pad and surface in scene units; it is negative if the finger presses.
     """
     frame = frame_on(spot, finger.matrix_world.to_3x3().col[1])
     frame.translation += gap * spot.normal
@@ -85,6 +99,6 @@ def lie(finger: bpy.types.Object, spot: Spot, gap: float) -> None:
 
 
 def turning(obj: bpy.types.Object) -> str:
-    """Return the property that turns an object."""
+    """Return the name of the property that holds an object's rotation."""
     own = {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}
     return own.get(obj.rotation_mode, "rotation_euler")

@@ -168,7 +168,7 @@ def _write(
             curve.color_mode, curve.color, curve.lock = "CUSTOM", LIMIT_COLOUR, True
     holder[MARK] = "\n".join(names)
     animation = holder.animation_data or holder.animation_data_create()
-    animation.action = action  # at last: properties whose curves come later stay at rest
+    animation.action = action  # after all curves are made; a property whose curve came later would stay at rest
     animation.action_slot = slot
     return len(names), keys
 
@@ -182,6 +182,6 @@ def _frames(track: Any, result: Any, rate: float) -> Any:
 
 
 def _settle(scene: bpy.types.Scene) -> None:
-    """Let Blender evaluate changes now, while nobody takes them for edits of the scene."""
+    """Let Blender evaluate changes now, so that they do not count as edits."""
     for layer in scene.view_layers:
         layer.update()

@@ -24,7 +24,7 @@ SMALL = ("_times", "_normal_force")  # ends of the names of the arrays that are 
 def pack(
     skins: Mapping[str, Any], made_of: Mapping[str, Mapping[str, Any]], arrays: dict[str, Any]
 ) -> list[dict[str, Any]]:
-    """Add the arrays of a bake's skins to `arrays`; return their header entries."""
+    """Add the arrays of a bake's skins to `arrays`; return header entries."""
     entries = []
     for i, (finger, touch) in enumerate(skins.items()):
         if finger not in made_of:
@@ -99,7 +99,7 @@ class StoredSkins(Mapping[str, Any]):
 
 
 def forces_of(skins: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
-    """Return times [s] and normal forces [N] of the skins of a bake, by finger.
+    """Return times [s] and normal forces [N] of a bake's skins, by finger.
 
     No stored skin is read for this.
     """
@@ -154,7 +154,7 @@ def _as_it_was(finger: str) -> Finding:
 
 
 def export(bake: Any, folder: Path) -> list[Path]:
-    """Write the resultants of every skin of a bake as CSV into a folder; return the files.
+    """Write the resultants of a bake's skins as CSV files; return their paths.
 
     Raises:
         DermisError: the folder cannot be written.

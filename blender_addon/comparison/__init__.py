@@ -1,4 +1,4 @@
-"""One touch, every device: asked for in a panel, worked out by a child process."""
+"""Compare all devices for one touch, in a child process."""
 
 from .. import on_demand
 

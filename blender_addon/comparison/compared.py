@@ -1,4 +1,7 @@
-"""What every device would make of a finger's touch, worked out by a child process and kept for the session."""
+"""Compare the output of every device for a finger's touch.
+
+A child process does the work. The comparison is kept for the session.
+"""
 
 from __future__ import annotations
 
@@ -25,9 +28,9 @@ class Compared:
     """One comparison.
 
     Attributes:
-        table: of the panel, see the engine's `comparison.report.as_dict`. csv, html: the files.
-        edits: number of `changes` when the comparison was made.
-        place: place of the finger, which may have another name by now.
+        table: table of the panel, see the engine's `comparison.report.as_dict`. csv, html: contents of the files.
+        edits: value of `changes.edits()` when the comparison was made.
+        place: place of the finger, which finds it under another name as well.
     """
 
     table: Mapping[str, Any]
@@ -38,7 +41,7 @@ class Compared:
 
     @property
     def stem(self) -> str:
-        """What its files are called."""
+        """Name of its files without suffix."""
         safe, names = core.track.file_names.safe, core.track.file_names.FileNames()
         return str(names.take(f"{safe(self.table['finger']) or 'finger'}.devices"))
 
@@ -57,12 +60,12 @@ def keep(scene: bpy.types.Scene, made: Compared) -> None:
 
 
 def find(scene: bpy.types.Scene, finger: str, *, floors: bool = False) -> Steps:
-    """Sample a scene and send a finger's touch through all devices that fit; yield progress, return a `Compared`.
+    """Sample a scene and render a finger's touch on all devices that fit.
+
+    Yields progress, and returns a `Compared`. Closing the generator ends the child process.
 
     Args:
-        floors: also find how good any pose of a device could be.
-
-    Closing the generator ends the child process.
+        floors: also find the best match that any pose of a device could have.
 
     Raises:
         DermisError: the scene cannot be sampled or rendered, or no device fits.
@@ -73,29 +76,32 @@ def find(scene: bpy.types.Scene, finger: str, *, floors: bool = False) -> Steps:
 
 
 def place_of(scene: bpy.types.Scene, finger: str) -> Place | None:
-    """Return the place of a finger that is called so now."""
+    """Return the place of the finger that has this name now; None without one."""
     obj = identity.named(scene, finger)
     return Place.of(obj) if obj is not None else None
 
 
 def called(scene: bpy.types.Scene, table: Mapping[str, Any], place: Place | None) -> str:
-    """Return the present name of a table's finger; its former name where it is gone."""
+    """Return the present name of a table's finger.
+
+    If the finger is gone, return its former name and '(gone)'.
+    """
     obj = place.finger(scene) if place is not None else None
     return obj.name_full if obj is not None else f"{table['finger']} (gone)"
 
 
 def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str, **options: Any) -> Steps:
-    """Sample a scene and let a child process do a job with it; yield progress, return its result, as bytes.
+    """Sample a scene and let a child process do a job with it.
+
+    Yields progress, and returns the job's results as bytes, by name. Closing the generator ends the child process.
 
     Args:
         options: further parameters of the job.
 
-    Closing the generator ends the child process.
-
     Raises:
         DermisError: the scene cannot be sampled, or the job refuses it.
     """
-    import tempfile  # not before it is needed: registering shall be quick
+    import tempfile  # imported late, so that registration is quick
 
     yield core.pipeline.bake.Progress("preparing", 0, 1)
     with film_objects.paused(scene):
@@ -120,7 +126,7 @@ def asked(job_name: str, stage: str, scene: bpy.types.Scene, finger: str, **opti
 
 
 def sampled(scene: bpy.types.Scene) -> Steps:
-    """Return a scene with all its chunks."""
+    """Sample a scene; yield progress, return it with all its chunks."""
     tactile = scene_sweep.sample(scene)
     sweep = tactile.chunks
     chunks: list[Any] = []

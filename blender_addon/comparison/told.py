@@ -1,4 +1,7 @@
-"""Which touches of a finger could be told apart through each device, worked out by a child process; for the session."""
+"""Find which touches of a finger can be distinguished through each device.
+
+A child process does the work. The result is kept for the session.
+"""
 
 from __future__ import annotations
 
@@ -20,11 +23,12 @@ from . import compared
 
 @dataclass(frozen=True)
 class Told:
-    """What could be told apart: `table` for the panel, see the engine's `told_report.as_dict`; `csv`, the file.
+    """The result on one finger.
 
     Attributes:
-        edits: number of `changes` when it was computed.
-        place: place of the finger, which may have another name by now.
+        table: table of the panel, see the engine's `told_report.as_dict`. csv: contents of the file.
+        edits: value of `changes.edits()` when it was computed.
+        place: place of the finger, which finds it under another name as well.
     """
 
     table: Mapping[str, Any]
@@ -42,15 +46,17 @@ def current(scene: bpy.types.Scene) -> Told | None:
 
 
 def keep(scene: bpy.types.Scene, made: Told) -> None:
-    """Keep it for the session."""
+    """Keep a result for the session."""
     _told[scene.session_uid] = replace(made, edits=changes.edits())
 
 
 def check_touches(scene: bpy.types.Scene, finger: str) -> None:
-    """Refuse a finger that touches too seldom or too often, as far as the scene's bake knows its skin.
+    """Check the number of a finger's touches in the scene's bake.
+
+    The check is left out if the bake is out of date or does not have the finger's skin.
 
     Raises:
-        DermisError: it does.
+        DermisError: the finger touches too seldom or too often.
     """
     result = store.current(scene)
     skin = None if result is None else result.bake.skins.get(finger)
@@ -60,7 +66,9 @@ def check_touches(scene: bpy.types.Scene, finger: str) -> None:
 
 
 def find(scene: bpy.types.Scene, finger: str) -> Steps:
-    """Sample a scene and tell a finger's touches apart; yield progress, return `Told`.
+    """Sample a scene and distinguish a finger's touches; yield progress.
+
+    Returns a `Told`.
 
     Raises:
         DermisError: the scene cannot be sampled or rendered, or the finger does not touch twice.

@@ -1,4 +1,7 @@
-"""The work of a trust band: a scene is sampled once, and rendered with its variants."""
+"""Compute the trust bands of a scene.
+
+The scene is sampled once, and rendered with its variants.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +18,12 @@ from . import compared
 
 
 def find(scene: bpy.types.Scene) -> Steps:
-    """Sample a scene, and render it and its variants; yield progress, return and keep the result.
+    """Sample a scene, and render it and its variants; yield progress.
+
+    The result is kept and returned.
 
     Raises:
-        DermisError: the scene cannot be sampled or rendered, or nothing came of it.
+        DermisError: the scene cannot be sampled or rendered, or there is no track and no skin to judge.
     """
     yield core.pipeline.bake.Progress("preparing", 0, 1)
     taken = store.Taken.of(scene)

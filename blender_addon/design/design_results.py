@@ -1,4 +1,7 @@
-"""'How many motors?': from baked scenes and recordings to an answer, its picture and the new preset."""
+"""Answer 'How many motors?' from baked scenes and recordings.
+
+An answer has a picture, and a new preset can be made of it.
+"""
 
 from __future__ import annotations
 
@@ -21,10 +24,10 @@ IMAGE = "Dermis: How Many Motors?"
 
 @dataclass(frozen=True)
 class Answer:
-    """A result.
+    """An answer of the panel.
 
     Attributes:
-        design: the engine's `Design`. preset: key of the preset made last, or ''. picture: where the PNG lies.
+        design: the engine's `Design`. preset: key of the preset made last, or ''. picture: path of the PNG.
     """
 
     design: Any
@@ -41,10 +44,10 @@ def current(scene: bpy.types.Scene) -> Answer | None:
 
 
 def checked_spec(scene: bpy.types.Scene) -> core.devices.spec.DeviceSpec:
-    """Return the preset whose motors shall become fewer.
+    """Return the preset for which fewer motors are to be found.
 
     Raises:
-        DermisError: it is no platform's, or its motors are coupled already.
+        DermisError: it is not the preset of a platform, or its motors are coupled already.
     """
     device = scene.dermis_design.device
     spec = active_presets.spec_of(device, "platform")
@@ -60,7 +63,9 @@ def checked_spec(scene: bpy.types.Scene) -> core.devices.spec.DeviceSpec:
 
 
 def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
-    """Find the fewest motors for the touches of a scene's panel; yield progress, return the engine's `Design`.
+    """Find the fewest motors for the touches of a scene's panel.
+
+    Yields progress, and returns the engine's `Design`.
 
     Raises:
         DermisError: nothing to render, a scene without a bake, a recording or table that cannot be used, skins of
@@ -85,7 +90,9 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
 
 
 def touches(scene: bpy.types.Scene) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """Return the readings in each touch of a panel's list, by name, and the skin of the baked ones.
+    """Return the readings of each touch in a panel's list, and their skin.
+
+    Readings are by the name of the touch. The skin is that of the baked touches; None without one.
 
     Raises:
         DermisError: an empty list, a scene without a bake of a skin, different skins, or an unusable recording.
@@ -139,7 +146,7 @@ def preset_findings(key: str) -> tuple[Any, ...]:
 
 
 def keep(scene: bpy.types.Scene, found: Any, preset: str) -> Answer:
-    """Draw the picture, load it as an image of the file, and remember the result."""
+    """Draw the picture, load it as an image of the .blend, and keep the result."""
     folder = user_folder("designs", create=True)
     picture = folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', scene.name)}.png"
     core.design.picture.write_picture(found, picture, scene.dermis_design.rule)
@@ -154,7 +161,9 @@ def keep(scene: bpy.types.Scene, found: Any, preset: str) -> Answer:
 
 
 def save(scene: bpy.types.Scene, folder: Path) -> tuple[Path, ...]:
-    """Write report.txt, report.json, report.png and the preset into a folder; return their paths.
+    """Write the reports and the preset into a folder; return their paths.
+
+    The reports are report.txt, report.json and report.png.
 
     Raises:
         DermisError: nothing was found yet, or the folder cannot be written.

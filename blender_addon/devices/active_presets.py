@@ -21,7 +21,7 @@ _hashes: core.recent.Recent[tuple[str, int], str] = core.recent.Recent(16)
 
 
 def kinds(family: Family) -> tuple[str, ...]:
-    """Return the kinds of device of a family, which are drawn in the same form."""
+    """Return the kinds of device of a family, which are drawn alike."""
     return tuple(name for name, kind in core.devices.kinds.KINDS.items() if kind.drawn == family)
 
 
@@ -90,7 +90,7 @@ def searched(device: Any) -> core.devices.spec.DeviceSpec | None:
 
 
 def searched_of(obj: bpy.types.Object) -> Any | None:
-    """Return the settings of a finger's first enabled device with a searched pose.
+    """Return the settings of a finger's first enabled device that is `searched`.
 
     The result is None without one.
     """

@@ -1,4 +1,4 @@
-"""Play positions and values of a mesh over frames, without handler or file.
+"""Play positions and values of a mesh over frames, with neither handler nor file.
 
 A second object, in no collection, is the table. Its points are the mesh's vertices at the first frame, then at the
 second, and so on, and the values there are attributes of the points. Nodes of the mesh read the row of the scene's time

@@ -108,7 +108,7 @@ def place(scene: bpy.types.Scene, made: list[Made], *, hide_finger: bool) -> lis
 
 
 def _with_nail(skin: Made, finger: bpy.types.Object, scene: bpy.types.Scene) -> tuple[FrameTable, list[Any], int]:
-    """Return a skin's table and faces with the nail, and the nail's face count.
+    """Return a skin's table and faces with the nail, and its face count.
 
     The nail is that of a fingertip of the add-on, and moves with the bone. It is added because the tissue has only a
     bed in its place, and the finger's own shape may be hidden in renders.

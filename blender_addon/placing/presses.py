@@ -114,7 +114,10 @@ def repose(finger: bpy.types.Object, change: Callable[[Matrix], Matrix]) -> None
 
 
 def turned(pose: Matrix, thickness: float) -> Matrix:
-    """Return a finger's pose with the pad where the nail was, its tip pointing as before."""
+    """Return a finger's pose with pad and nail exchanged.
+
+    The direction of its tip does not change.
+    """
     half = Matrix.Translation((0.0, 0.0, 0.5 * thickness))
     return pose @ half @ Matrix.Rotation(pi, 4, "Y") @ half.inverted()
 

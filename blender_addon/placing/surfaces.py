@@ -16,7 +16,7 @@ _WAYS = tuple(Vector(way) for way in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 
 
 @dataclass(frozen=True)
 class Spot:
-    """A point of a surface and its outward normal, in the scene's space and units."""
+    """A point of a surface and its outward normal, in the scene's space."""
 
     point: Vector
     normal: Vector

@@ -1,4 +1,7 @@
-"""The last export of each scene, for the panel, which lists it and opens its folder."""
+"""Keep the last export of each scene for the panel.
+
+The panel lists its files and opens its folder.
+"""
 
 from __future__ import annotations
 
@@ -11,25 +14,28 @@ from . import store
 
 
 class Exported(NamedTuple):
-    """Files of one export, where they lie, and whose bake they are of."""
+    """The files of one export, their folder, and the owners of their bake."""
 
     folder: Path
     files: tuple[Path, ...]
-    owners: Any  # the bake's own, the same object whatever its fingers are called
+    owners: Any  # those of the bake; the same object even if fingers are renamed
 
 
 _last: dict[int, Exported] = {}  # by the scene's session uid
 
 
 def note(scene: bpy.types.Scene, folder: Path, files: tuple[Path, ...]) -> None:
-    """Remember an export."""
+    """Note an export."""
     result = store.current(scene)
     if result is not None:
         _last[scene.session_uid] = Exported(folder, files, result.owners)
 
 
 def last(scene: bpy.types.Scene) -> Exported | None:
-    """Return the last export of a scene's bake; None where there is none, or another bake since."""
+    """Return the last export of a scene's bake; None if there is none.
+
+    An export of an earlier bake does not count.
+    """
     found = _last.get(scene.session_uid)
     result = store.current(scene)
     same = found is not None and result is not None and found.owners is result.owners
@@ -37,5 +43,5 @@ def last(scene: bpy.types.Scene) -> Exported | None:
 
 
 def forget() -> None:
-    """Forget everything: another file is opened."""
+    """Drop all exports, as when another file is opened."""
     _last.clear()

@@ -1,4 +1,7 @@
-"""How good any pose of a finger's device could be for the touch of its last bake, kept for the session."""
+"""Find the best match that any pose of a finger's device could have.
+
+It is found for the touch of the last bake, and kept for the session.
+"""
 
 from __future__ import annotations
 
@@ -52,5 +55,5 @@ def shown(scene: bpy.types.Scene, obj: bpy.types.Object, device: Any) -> Any | N
 
 
 def forget() -> None:
-    """Forget all of them."""
+    """Drop all floors."""
     _floors.clear()

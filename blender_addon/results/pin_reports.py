@@ -1,4 +1,7 @@
-"""Results about fingers with pin arrays, for the session: press tests, and methods side by side."""
+"""Keep results on fingers with pin arrays for the session.
+
+They are press tests and comparisons of methods.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,9 @@ _reports: dict[int, tuple[str, tuple[Any, ...], tuple[Any, ...]]] = {}
 
 
 def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Compare all methods for a finger's touch in the last bake, and remember the result.
+    """Compare all methods for a finger's touch in the last bake.
+
+    The result is kept for the session.
 
     Raises:
         DermisError: no bake, none with this finger's skin, or nothing touched.
@@ -39,13 +44,13 @@ def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
 
 
 def shown(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Return the comparison of the bake that is at hand; empty where there is none."""
+    """Return the comparison on the present bake; empty without one."""
     known = _known(scene, obj)
     return known[1] if known else ()
 
 
 def doubts(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Return warnings about that comparison, as findings."""
+    """Return the findings that warn about the comparison on the present bake."""
     known = _known(scene, obj)
     return known[2] if known else ()
 

@@ -1,4 +1,4 @@
-"""Plots of a bake: of its tracks as images inside Blender, and of a finger's stimuli as a picture file."""
+"""Plot a bake: tracks as images in Blender, stimuli as a picture file."""
 
 from __future__ import annotations
 
@@ -13,15 +13,17 @@ from .._core import Array, DermisError, core
 from ..devices import active_presets, skin_models, thimble_devices
 from . import store
 
-SCALE = 1.5  # pixels a point: a window shows it pixel by pixel, and letters stay letters
-MARK = "dermis_plot"  # on an image, whose plot it is
+SCALE = 1.5  # [px per point] scale at which letters are legible where an editor shows one image pixel per screen pixel
+MARK = "dermis_plot"  # property of an image: the device whose plot it is
 
 
 def make(result: Any, spreads: Mapping[int, Array] = MappingProxyType({})) -> dict[str, bpy.types.Image]:
-    """Make an image of every track's plot, in place of its device's earlier one; return them by finger and device.
+    """Make an image of every track's plot; return them by file name of output.
+
+    An image replaces the earlier one of its device.
 
     Args:
-        spreads: bands about the curves, by the place among the bake's outputs.
+        spreads: bands about the curves, by the index of the output in the bake.
     """
     outputs, bake = core.pipeline.outputs, result.bake
     before = {str(image[MARK]): image for image in bpy.data.images if MARK in image}
@@ -33,18 +35,20 @@ def make(result: Any, spreads: Mapping[int, Array] = MappingProxyType({})) -> di
         image.pack(data=data, data_len=len(data))
         image.source = "FILE"
         image[MARK] = whose = " ".join(device) if device.device else name
-        old = before.pop(whose, None) or before.pop(name, None)  # by its name: of an earlier version
-        if old is not None:  # editors that show it go on with the new one
+        old = before.pop(whose, None) or before.pop(name, None)  # earlier versions marked an image with this name
+        if old is not None:  # editors that show the old image then show the new one
             old.user_remap(image)
             bpy.data.images.remove(old)
         made[name] = image
-    for name, image in made.items():  # now that those before are gone
+    for name, image in made.items():  # the names are free once the old images are removed
         image.name = f"Plot {name}"
     return made
 
 
 def write_stimuli(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> Path:
-    """Write the stimulus plot of a finger's last bake; its touch is matched once more, as the thimble is set now.
+    """Write the stimulus plot of a finger's last bake; return its path.
+
+    The touch is matched again with the present settings of the thimble.
 
     Raises:
         DermisError: no thimble, no bake with this finger's skin, nothing touched, or the file cannot be written.

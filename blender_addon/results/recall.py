@@ -1,6 +1,7 @@
-"""The stored bakes of a file's scenes come back after it was opened: tracks in a timer, skins when first needed.
+"""Read the stored bakes of a file's scenes after it was opened.
 
-Nothing is written and no port is opened because a file was opened; without a window nothing is read either.
+A timer reads the tracks; skins are read when they are first needed. Opening a file writes nothing and opens no port.
+Without a window, nothing is read either.
 """
 
 from __future__ import annotations
@@ -11,25 +12,25 @@ from .. import redraw, reporting
 from .._core import DermisError
 from . import store
 
-DELAY = 0.05  # [s] after the file: it is seen first
+DELAY = 0.05  # [s] delay of the timer, in which the opened file is drawn
 
 
 def request() -> None:
-    """Ask for the stored bakes of all scenes."""
+    """Request the stored bakes of all scenes."""
     if redraw.watched() and not bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.register(_on_timer, first_interval=DELAY)
 
 
 def cancel() -> None:
-    """Forget requests."""
+    """Cancel the request."""
     if bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.unregister(_on_timer)
 
 
 def work() -> int:
-    """Read the stored bake of every scene that has one and no other; return how many came back.
+    """Read the stored bake of every scene without a result; return their number.
 
-    One that is gone or cannot be read is left where it is: the panel offers to try, and says why not.
+    A bake that is gone is skipped. One that cannot be read is reported, and stays stored.
     """
     found = 0
     for scene in bpy.data.scenes:

@@ -144,7 +144,7 @@ def sampled(scene: bpy.types.Scene) -> Steps:
 
 
 def save(made: Compared, folder: Path) -> list[Path]:
-    """Write the table as CSV and the page as HTML into a folder; return their paths.
+    """Write the table as CSV and the page as HTML; return their paths.
 
     Raises:
         DermisError: the folder cannot be written.

@@ -1,4 +1,7 @@
-"""The examples for platforms: the six interactions of [S2] as keyed animations, wobble and repetitions included."""
+"""Build the examples for platforms: the six interactions of [S2].
+
+They are keyed animations, with wobble and repetitions.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ def build(which: str, device: str = touches.PLATFORM, seed: int = 0) -> bpy.type
     """Return a new scene with one of the six interactions.
 
     Args:
-        which: 'flat', 'back', 'tip', 'left', 'right' or 'complex'. seed: of the hand's wobble.
+        which: 'flat', 'back', 'tip', 'left', 'right' or 'complex'. seed: seed of the hand's wobble.
 
     Raises:
         DermisError: there is no such interaction.
@@ -29,26 +32,32 @@ def build(which: str, device: str = touches.PLATFORM, seed: int = 0) -> bpy.type
     touch = interactions.interaction(which, felt_at(model), seed=seed)
     scene = demo_stage.begin(f"{NAME}: {touches.MOTORS[which][0]}", int(interactions.FPS), touch.frame_range[1])
     finger = demo_stage.finger_with_skin(scene, "Index", device, level="draft")
-    finger.dermis.finger.skin.contact = core.parameters.skin.CONTACT  # the look-up table's, even if a draft
+    finger.dermis.finger.skin.contact = core.parameters.skin.CONTACT  # as in the look-up table, even for a draft
     scene.dermis.sample_rate = interactions.RATE
     scene.dermis_design.device = device
     slab = interactions.slab()
     surface = demo_stage.add(scene, "Surface", demo_shapes.mesh("Surface", slab.vertices, slab.triangles.tolist()))
     demo_stage.touchable(surface, interactions.FRICTION)
-    surface.display_type = "BOUNDS"  # the finger is seen through it
+    surface.display_type = "BOUNDS"  # so that the finger is visible
     (chunk,) = touch.chunks
     _key(surface, chunk.frames, chunk.bodies[0])
     return demo_stage.finish(scene, (-0.09, 0.17, 0.05), (0.0, 0.0, 0.002))
 
 
 def felt_at(model: Any) -> Any:
-    """Return the points that depth is measured from [m]: where contact is solved, or pressing an edge goes too deep."""
+    """Return the points from which depth is measured [m].
+
+    They are those on which contact is solved; from others, presses of an edge would be too deep.
+    """
     pad = core.skin.surface_store.smooth_pad(model)
     return model.positions if pad is None else pad.cells.positions
 
 
 def _key(obj: bpy.types.Object, frames: np.ndarray, poses: np.ndarray) -> None:
-    """Key location and rotation at every sample, between whole frames too: the wobble is part of the touch."""
+    """Key location and rotation at every sample, between whole frames too.
+
+    The wobble is part of the touch.
+    """
     obj.rotation_mode = "QUATERNION"
     turns = [Matrix(pose[:3, :3].tolist()).to_quaternion() for pose in poses]
     demo_stage.key(obj, "location", np.column_stack([frames, poses[:, :3, 3]]), "LINEAR")

@@ -1,4 +1,7 @@
-"""The example for pins: the experiment of [S1], a plane pressed into the pad and drawn along, keyed as an animation."""
+"""Build the example for pins: the experiment of [S1] as an animation.
+
+A plane is pressed into the pad and slides along it.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +14,14 @@ from . import demo_shapes, demo_stage
 
 NAME = "Dermis Pin Array Demo"
 DEVICE = "pin_array_128"
-SIZE = (0.09, 0.09, 0.004)  # of the plane [m]: its stroke is 20 mm to any side
+SIZE = (0.09, 0.09, 0.004)  # [m] size of the plane; its stroke is 20 mm in any direction
 
 
 def build(depth: float = 2e-3, friction: float = 0.6, direction: float = 0.0) -> bpy.types.Scene:
     """Return a new scene.
 
     Args:
-        depth: how deep the plane is pressed [m]. friction: its coefficient. direction: of the movement [rad].
+        depth: depth of the press [m]. friction: coefficient of friction. direction: direction of the slide [rad].
     """
     sliding = core.scene.sliding
     clock = scene_time.Clock(sliding.FPS, 1.0)

@@ -1,5 +1,6 @@
-"""The example: a pair of fingers strokes a ribbed plate and lifts a box, another feels bumps on a touch screen.
+"""Build the main example scene.
 
+A finger strokes a ribbed plate. It and a thumb then lift a box. A third finger feels bumps on a touch screen.
 Everything has its real size; the scene's unit is the metre, shown in millimetres.
 """
 
@@ -21,16 +22,16 @@ from ..properties import object_properties
 from . import demo_stage
 from .demo_shapes import RIB_PERIOD, chamfered_block, mesh, ribbed_plate
 
-FPS, LAST = 24, 97  # four seconds
+FPS, LAST = 24, 97  # frame rate [Hz] and last frame, for four seconds
 PLATE, BOX, SCREEN = Vector((-0.085, 0.0, 0.006)), Vector((0.0, 0.02, 0.02)), Vector((0.1, 0.0, 0.004))
 BOX_SIZE = (0.030, 0.030, 0.040)
 SCREEN_SIZE = (0.096, 0.060)
 NAME = "Dermis Demo"
-BUMPS = 22.5  # on a screen, about
+BUMPS = 22.5  # approximate number of bumps on a screen
 
 
 def build(tactor: str, friction: str) -> bpy.types.Scene:
-    """Return a new scene with everything in it.
+    """Return a new scene with all objects of the example.
 
     Args:
         tactor, friction: keys of a shear tactor's and of a friction screen's preset; '' leaves the fingers bare.
@@ -64,7 +65,7 @@ def build(tactor: str, friction: str) -> bpy.types.Scene:
 
 
 def look(context: bpy.types.Context) -> None:
-    """Make the first finger active and turn the window's 3D views to the scene."""
+    """Make the first finger active, and turn the 3D views to the scene."""
     views = demo_stage.look(context, (0.044, 0.0, -0.004), (58.0, 0.0, 3.0), 0.31, lens=50.0, colours="TEXTURE")
     for space in views:
         space.shading.show_cavity = space.shading.show_shadows = True
@@ -75,7 +76,7 @@ def bumps_image(size: tuple[float, float]) -> bpy.types.Image:
     """Return a new image of round bumps on flat ground, packed into the file.
 
     Args:
-        size: width and height that it will cover [m].
+        size: width and height of the screen that it covers [m].
     """
     pitch = min(math.sqrt(size[0] * size[1] / BUMPS), *size)
     density = min(64.0 / pitch, 4096.0 / max(size))
@@ -93,14 +94,20 @@ def bumps_image(size: tuple[float, float]) -> bpy.types.Image:
 
 
 def _from_bumps(pixels: int, length: float, pitch: float) -> np.ndarray:
-    """Return how far each pixel along a side is from the middle of the nearest bump [m], shape (pixels,)."""
+    """Return the signed distance of each pixel to the nearest bump [m].
+
+    It is measured along one side of the image, from the middle of the bump. Its shape is (pixels,).
+    """
     count = max(1, int(length / pitch + 1e-6))
     place = ((np.arange(pixels) + 0.5) / pixels - 0.5) * length / pitch + 0.5 * (count - 1)
     return (place - np.clip(np.round(place), 0, count - 1)) * pitch
 
 
 def screen_object(size: tuple[float, float], image: bpy.types.Image | None, unit: float) -> bpy.types.Object:
-    """Return a new touch screen, not yet in any collection: a rectangle that looks along +Z and shows its relief."""
+    """Return a new touch screen that is in no collection yet.
+
+    It is a rectangle that faces +Z and shows its relief.
+    """
     w, h = 0.5 * size[0] / unit, 0.5 * size[1] / unit
     data = mesh("Touch Screen", [(-w, -h, 0.0), (w, -h, 0.0), (w, h, 0.0), (-w, h, 0.0)], [(0, 1, 2, 3)])
     layer = data.uv_layers.new(name="UVMap")
@@ -130,17 +137,17 @@ def _furnish(scene: bpy.types.Scene) -> None:
 
 
 def _touchable(obj: bpy.types.Object, preset: str, **values: Any) -> None:
-    """Take a material preset where there is one, and set the demo's own values over it (SI)."""
+    """Make an object touchable with a material preset and further SI values."""
     obj.dermis.role = "TOUCHABLE"
-    with suppress(DermisError):  # removed by the user: the values below do
+    with suppress(DermisError):  # if the user has removed the preset, the values below are enough
         object_properties.apply_parameters(obj.dermis.material, library().material(preset))
         obj.dermis.material.preset = preset
     object_properties.apply_parameters(obj.dermis.material, values)
 
 
 def _animate_pair(index: bpy.types.Object, thumb: bpy.types.Object, box: bpy.types.Object) -> None:
-    """Tap the plate, stroke it there and back, pinch the box, lift and shake it."""
-    touch = 0.0002  # the pad's skin gives way by less than its touch distance
+    """Key the pair: tap and stroke the plate, then pinch, lift, shake the box."""
+    touch = 0.0002  # [m] gap at which the finger touches; the pad's touch distance is larger
     plate, side = PLATE.z + touch, 0.5 * BOX_SIZE[0] + touch
     left, right = PLATE.x - 0.030, PLATE.x + 0.030
     grip = BOX.z + 0.006
@@ -183,13 +190,13 @@ def _animate_pair(index: bpy.types.Object, thumb: bpy.types.Object, box: bpy.typ
         [(1, *BOX), (67, *BOX), *((f, 0.0, BOX.y, z - grip + BOX.z) for f, _, _, z in _lifted(0.0, grip))],
     )
     compat.set_keys(box, "dermis.material.held", 0, [1, 68, 96], [0, 1, 1], interpolation="CONSTANT")
-    # the hand takes the load over: a weight that is there at once is faster than the device
+    # The hand takes over the load gradually, because a sudden weight would be faster than the device.
     gravity = box.dermis.material.weight_gravity
     compat.set_keys(box, "dermis.material.weight_gravity", 0, [68, 71], [0.0, gravity])
 
 
 def _lifted(x: float, z: float) -> list[tuple[float, float, float, float]]:
-    """Where the hand goes with the box: up, two shakes, and a halt."""
+    """Return the keys of a hand that lifts the box, shakes it twice and halts."""
     heights = ((69, 0.0), (78, 0.030), (82, 0.018), (86, 0.034), (90, 0.020), (94, 0.028), (97, 0.028))
     return [(frame, x, BOX.y, z + up) for frame, up in heights]
 

@@ -1,7 +1,8 @@
-"""The example for skin: a fingertip presses a sphere, an edge and a ribbed plate and slides over them.
+"""Build the examples for skin.
 
-With five fingers each has a thing of its own, and all touch at once; two of the same size, of linear tissue and of
-tissue that stiffens, are pressed into one block and dragged along it. Everything has its real size.
+One fingertip presses a sphere, an edge and a ribbed plate, and slides over them. Five fingers touch a thing each, all
+at once. Two fingers of the same size, one of linear tissue and one of tissue that stiffens, press one block and slide
+along it. Everything has its real size.
 """
 
 from __future__ import annotations
@@ -17,18 +18,22 @@ from .demo_stage import BLUE, GREEN, ROSE, STEEL, add, touchable
 FPS = 24
 NAME = "Dermis Skin Demo"
 SPHERE_RADIUS, RIDGE_ANGLE = 6e-3, math.radians(100.0)
-HEIGHT = 12e-3  # of the touched objects above the table's top, which is at 0 [m]
-DEPTH = 1.1e-3  # of the presses [m]
-RIBS = 6e-3  # from one to the next [m]: as many as points can follow where skin slides over them
+HEIGHT = 12e-3  # [m] height of the touched objects above the table's top, which is at 0
+DEPTH = 1.1e-3  # [m] depth of the presses
+RIBS = 6e-3  # [m] period of the ribs, long enough for points of the skin that slides over them to follow
 SLIDE = 4e-3
-# What draft skins touch bends less than their nodes can follow: with those, five fingers can be played.
-BALL, BAR, WAVE = 18e-3, 18e-3, (16e-3, 0.3e-3)  # radii; period and height of a wave [m]
+# [m] The fingers of a hand have draft skins, so that they can be played. The objects that they touch have curvatures
+# small enough for a draft's nodes. BALL, BAR: radii. WAVE: period and height.
+BALL, BAR, WAVE = 18e-3, 18e-3, (16e-3, 0.3e-3)
 TISSUES = {"Linear": "linear", "Neo-Hookean": "neo_hookean"}
-DEEP, DRAG = 1.8e-3, 2e-3  # of the two tissues' touch [m]
+DEEP, DRAG = 1.8e-3, 2e-3  # [m] DEEP: depth of the touch of the two tissues. DRAG: length of its slide
 
 
 def build(fingers: int) -> bpy.types.Scene:
-    """Return a new scene: one finger that touches three things in turn, two of two tissues, or five of five things."""
+    """Return a new scene with one, two or five fingers.
+
+    One finger touches three things in turn, two fingers have different tissues, and five fingers touch a thing each.
+    """
     scene = demo_stage.begin(NAME, FPS, 145 if fingers == 1 else 73)
     if fingers == 1:
         _one(scene)
@@ -37,7 +42,7 @@ def build(fingers: int) -> bpy.types.Scene:
         return demo_stage.finish(scene, (-0.05, 0.15, 0.08), (0.0, 0.0, 0.014))
     else:
         _five(scene)
-        return demo_stage.finish(scene, (-0.07, 0.21, 0.112), (-0.006, 0.0, 0.014))  # the thumb is seen too
+        return demo_stage.finish(scene, (-0.07, 0.21, 0.112), (-0.006, 0.0, 0.014))  # the view includes the thumb
     return demo_stage.finish(scene, (-0.05, 0.15, 0.08), (0.0, 0.0, 0.011))
 
 
@@ -79,7 +84,7 @@ def _tissues(scene: bpy.types.Scene) -> None:
 def _five(scene: bpy.types.Scene) -> None:
     _desk(scene, 0.17)
     top = (0.0, HEIGHT)
-    hand = (  # a finger, its preset and place along Y; its object, where beside it and how high, and the colour
+    hand = (  # a finger, its preset and place along Y; its object, the object's offset, height and colour
         ("Thumb", "thumb_medium", -0.012, "Ball", sphere(BALL), (0.0, HEIGHT - BALL), GREEN),
         ("Index", "index_medium", 0.004, "Bar", rod(BAR, 0.020), top, BLUE),
         ("Middle", "index_large", 0.008, "Wave", ribbed_plate(0.020, 0.026, HEIGHT, *WAVE), top, STEEL),
@@ -90,7 +95,7 @@ def _five(scene: bpy.types.Scene) -> None:
         x = 0.027 * (i - 2)
         touchable(add(scene, thing, data, (x + beside, y, high), colour), 0.6, soft=20.0 if thing == "Pad" else 0.0)
         finger = demo_stage.finger_with_skin(scene, name, preset=preset, level="draft")
-        if thing == "Ball":  # too few of a draft's nodes carry it
+        if thing == "Ball":  # too few nodes of a draft would touch the ball
             finger.dermis.finger.skin.level = "standard"
         deep, late = HEIGHT - DEPTH, 2 * i
         demo_stage.key(

@@ -1,4 +1,7 @@
-"""Common parts of the example scenes: a scene in millimetres, its camera, fingers, things to touch, and their keys."""
+"""Build the common parts of the example scenes.
+
+They are a scene in millimetres, its camera, fingers, things to touch, and their keys.
+"""
 
 from __future__ import annotations
 
@@ -22,12 +25,15 @@ STEEL, ROSE = (0.45, 0.48, 0.52, 1.0), (0.56, 0.34, 0.36, 1.0)
 
 
 def begin(name: str, fps: int, last: int) -> bpy.types.Scene:
-    """Return a new scene of frames 1 to `last` whose unit is the metre, shown in millimetres."""
+    """Return a new scene of frames 1 to `last`.
+
+    Its unit is the metre, shown in millimetres.
+    """
     scene = bpy.data.scenes.new(name)
     scene.render.fps, scene.render.fps_base = fps, 1.0
     scene.frame_start, scene.frame_end = 1, last
     units = scene.unit_settings
-    if units.system != "METRIC":  # to set it would set the units of the window's scene back
+    if units.system != "METRIC":  # setting the system would reset the units of the window's scene
         units.system = "METRIC"
     units.scale_length, units.length_unit = 1.0, "MILLIMETERS"
     scene.render.engine = "BLENDER_WORKBENCH"
@@ -35,7 +41,10 @@ def begin(name: str, fps: int, last: int) -> bpy.types.Scene:
 
 
 def finish(scene: bpy.types.Scene, at: Sequence[float], target: Sequence[float], lens: float = 60.0) -> bpy.types.Scene:
-    """Add a camera that looks at a target [m], go to the first frame, and return the scene."""
+    """Add a camera that looks at a target [m], and go to the first frame.
+
+    Returns the scene.
+    """
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     camera.data.clip_start, camera.data.lens, camera.data.display_size = 0.005, lens, 0.02
     camera.location = at
@@ -54,7 +63,7 @@ def add(
     at: Sequence[float] = (0.0, 0.0, 0.0),
     colour: Sequence[float] = (),
 ) -> bpy.types.Object:
-    """Add a mesh at a place [m], in a colour of its own where one is given."""
+    """Add a mesh at a place [m], with a material if a colour is given."""
     obj = bpy.data.objects.new(name, data)
     obj.location = at
     if colour:
@@ -64,7 +73,10 @@ def add(
 
 
 def touchable(obj: bpy.types.Object, friction: float, soft: float = 0.0) -> bpy.types.Object:
-    """Let fingers feel an object; `soft` is the stiffness of its surface [MPa/m], 0 for rigid."""
+    """Make an object touchable, and return it.
+
+    `soft` is the stiffness of its surface [MPa/m]; 0 is rigid.
+    """
     obj.dermis.role = "TOUCHABLE"
     obj.dermis.material.friction = friction
     obj.dermis.material.surface_stiffness_mpa_m = soft
@@ -72,7 +84,7 @@ def touchable(obj: bpy.types.Object, friction: float, soft: float = 0.0) -> bpy.
 
 
 def finger(scene: bpy.types.Scene, name: str, device: str = "") -> bpy.types.Object:
-    """Add a finger, with a device where one is given."""
+    """Add a finger, with a device if one is given."""
     obj = add(scene, name, fingertip_mesh.mesh(1.0))
     obj.dermis.role = "FINGER"
     if device:
@@ -83,23 +95,26 @@ def finger(scene: bpy.types.Scene, name: str, device: str = "") -> bpy.types.Obj
 def finger_with_skin(
     scene: bpy.types.Scene, name: str, device: str = "", *, preset: str = "", level: str = ""
 ) -> bpy.types.Object:
-    """Add a finger that shows its skin; size and stiffness of a preset, and the accuracy, where they are given."""
+    """Add a finger that shows its skin.
+
+    Size and stiffness are those of `preset`, and the accuracy is `level`, if they are given.
+    """
     obj = finger(scene, name, device)
     skin = obj.dermis.finger.skin
     if preset:
-        with suppress(DermisError):  # removed by the user: the defaults do
+        with suppress(DermisError):  # if the user has removed the preset, the defaults are used
             skin_properties.apply_preset(skin, library().skin(preset))
             skin.preset = preset
-    # the window's scene may have another unit
+    # The unit of the window's scene may differ from that of this scene.
     fingertip_mesh.fit(obj, skin_properties.lengths(skin), metres_per_unit(scene))
     skin.level, skin.shown = level or skin.level, True
     if skin.level == "draft":
-        skin.contact = "nodes"  # drafts are there to be played: a tenth of the time
+        skin.contact = "nodes"  # drafts are for playback; contact on nodes takes a tenth of the time
     return obj
 
 
 def key(obj: bpy.types.Object, path: str, rows: Iterable[Sequence[float]], interpolation: str = "BEZIER") -> None:
-    """Key a property of several parts: rows of (frame, value ...)."""
+    """Key a property of several components, by rows of (frame, value, ...)."""
     frames, *parts = np.array(list(rows), np.float64).T.tolist()
     for index, values in enumerate(parts):
         compat.set_keys(obj, path, index, frames, values, interpolation=interpolation)
@@ -114,12 +129,14 @@ def look(
     lens: float = 60.0,
     colours: str = "MATERIAL",
 ) -> list[Any]:
-    """Make the first finger active and turn the window's 3D views to a target [m]; return the views.
+    """Make the first finger active, and turn the window's 3D views.
+
+    The views are turned to a target [m], and returned.
 
     Args:
         turn: Euler angles of the view [deg]. colours: colour type of the views.
     """
-    fingers = (o for o in context.scene.objects if o.dermis.role == "FINGER")  # by name: Index comes first
+    fingers = (o for o in context.scene.objects if o.dermis.role == "FINGER")  # the first by name, such as Index
     context.view_layer.objects.active = min(fingers, key=lambda o: o.name)
     if bpy.app.background or context.window is None:
         return []
@@ -138,7 +155,7 @@ def look(
 
 
 def _frame_timelines(context: bpy.types.Context) -> None:
-    """Let the window's timelines show the scene's range, and nothing else."""
+    """Let the window's timelines show exactly the scene's range."""
     for area in context.window.screen.areas:
         if area.ui_type == "TIMELINE":
             region = next(r for r in area.regions if r.type == "WINDOW")
@@ -147,6 +164,6 @@ def _frame_timelines(context: bpy.types.Context) -> None:
 
 
 def look_at_skins(context: bpy.types.Context) -> None:
-    """Look from in front of the tips: nail, pad and touched object are all in view."""
+    """Look from in front of the tips, to see nail, pad and touched object."""
     wide = sum(o.dermis.role == "FINGER" for o in context.scene.objects) > 1
     look(context, (-0.020, 0.0, 0.002 if wide else 0.004), (66.0, 0.0, 160.0), 0.175 if wide else 0.145)

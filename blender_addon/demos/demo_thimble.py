@@ -1,7 +1,7 @@
-"""The examples for the thimble: the scenes of [S0], each three seconds long, at real size.
+"""Build the examples for the thimble: the scenes of [S0], at real size.
 
-An object stands still; the finger comes, presses and moves over it. Movements are given as the object's in the finger's
-frame and turned round, so that they are the very touches that the engine's own figures are made with.
+Each takes three seconds. The object is at rest; the finger comes, presses and moves over it. Motions are given as those
+of the object in the finger's frame, and are inverted. They are therefore the touches of the engine's own figures.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ from . import demo_shapes, demo_stage, touches
 NAME = "Dermis Thimble"
 DEVICE = "thimble_3rrs"
 FPS, LAST = 24, 73
-BALL, ROD, CUP, RIM = 15e-3, 3e-3, 35e-3, 1.5e-3  # radii [m]
-FOAM = 8.0  # [MPa/m]: it yields 1 mm under 8 kPa
-HELD = (14, 68)  # frames in which the block counts as held
-SHARP = ("edge", "cup", "rod")  # things that nodes miss: contact on points, at twice the price
-ROUND = ("ball",)  # things that turn too far between a draft's nodes, and not between a standard skin's
-GRIP, BLOCK, SHAKE, SHAKES = 1.0e-3, 24e-3, 5e-3, 4  # depth of both fingers, thickness [m], stroke [m], how often
+BALL, ROD, CUP, RIM = 15e-3, 3e-3, 35e-3, 1.5e-3  # [m] radii
+FOAM = 8.0  # [MPa/m] stiffness of the foam, which yields by 1 mm under 8 kPa
+HELD = (14, 68)  # [frames] first frame at which the block counts as held, and frame at which it no longer does
+SHARP = ("edge", "cup", "rod")  # things too sharp for nodes; contact is solved on points, which takes twice the time
+ROUND = ("ball",)  # things too curved for the spacing of a draft's nodes, but not for that of a standard skin's
+# GRIP: depth of both fingers [m]. BLOCK: thickness [m]. SHAKE: amplitude [m]. SHAKES: number of oscillations.
+GRIP, BLOCK, SHAKE, SHAKES = 1.0e-3, 24e-3, 5e-3, 4
 
 Keys = list[tuple[float, float]]
 PRESS: Keys = [(0.0, -0.3), (0.35, 1.2), (0.75, 1.2), (1.0, -0.3)]
@@ -40,7 +41,7 @@ class Scene:
     Attributes:
         thing: the touched object.
         keys: depth, x, y [mm] and pitch, roll [deg] of the object in the finger's frame, as (share of the time, value).
-        soft: stiffness of the object's surface [MPa/m], 0 for rigid.
+        soft: stiffness of the object's surface [MPa/m]; 0 is rigid.
     """
 
     thing: str
@@ -91,7 +92,10 @@ def build(which: str) -> bpy.types.Scene:
 
 
 def poses(what: Scene) -> np.ndarray:
-    """Return the finger's poses, frame after frame, over an object whose top is the origin, shape (n, 4, 4)."""
+    """Return the poses of the finger at every frame, shape (n, 4, 4).
+
+    The top of the object is the origin.
+    """
     share = np.linspace(0.0, 1.0, LAST)
     rest: Keys = [(0.0, 0.0), (1.0, 0.0)]
     v = {name: _smooth(share, what.keys.get(name, rest)) for name in ("depth", "x", "y", "pitch", "roll")}
@@ -124,20 +128,23 @@ def _touched(scene: bpy.types.Scene, title: str, what: Scene) -> None:
 
 
 def _held(scene: bpy.types.Scene) -> None:
-    """Two fingers take a block from both sides, their pads upright, and shake it along its height."""
+    """Let two fingers hold a block from both sides, and shake it up and down.
+
+    Their pads are vertical.
+    """
     half, t = 0.5 * BLOCK, np.linspace(0.0, 1.0, LAST)
     data = demo_shapes.block(BLOCK, 0.03, 0.03)
     data.transform(Matrix.Translation((0.0, 0.0, 0.015)))
     block = demo_stage.touchable(demo_stage.add(scene, "Block", data, colour=demo_stage.BLUE), 0.8)
     block.dermis.material.mass, block.dermis.material.held_mode = 0.03, "keyed"
-    # held from when both fingers have a grip until they let go
+    # The block is held from the frame at which both fingers grip it until they let go.
     compat.set_keys(block, "dermis.material.held", 0, [1, HELD[0], HELD[1]], [0.0, 1.0, 0.0], interpolation="CONSTANT")
     window = np.clip((t - 0.25) / 0.1, 0.0, 1.0) * np.clip((0.9 - t) / 0.1, 0.0, 1.0)
     up = SHAKE * np.sin(2 * np.pi * SHAKES * np.clip((t - 0.3) / 0.6, 0.0, 1.0)) * window**2
     compat.set_keys(block, "location", 2, np.arange(1, LAST + 1).tolist(), up.tolist(), interpolation="BEZIER")
     grip = 1e-3 * _smooth(t, [(0.0, -1.0), (0.2, 1e3 * GRIP), (0.94, 1e3 * GRIP), (1.0, 0.5)])
     for name, side in (("Index", 1.0), ("Thumb", -1.0)):
-        # the pad (-Z) looks at the block, the tip (+Y) along the world's Y
+        # The pad (-Z) faces the block, and the tip (+Y) points along the world's Y.
         turn = np.array([[0.0, 0.0, side], [0.0, 1.0, 0.0], [-side, 0.0, 0.0]])
         way = np.tile(np.eye(4), (LAST, 1, 1))
         way[:, :3, :3] = turn
@@ -167,7 +174,7 @@ def _key(obj: bpy.types.Object, way: np.ndarray) -> None:
 
 
 def _smooth(at: np.ndarray, keys: Keys) -> np.ndarray:
-    """Interpolate with a cosine between keys."""
+    """Return the values at times, interpolated by half a cosine between keys."""
     times, values = np.array(keys, np.float64).T
     i = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     s = np.clip((at - times[i]) / (times[i + 1] - times[i]), 0.0, 1.0)

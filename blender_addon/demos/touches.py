@@ -1,10 +1,10 @@
-"""Menu entries of the papers' touches: by its key, each touch's title and description."""
+"""Titles and descriptions of the papers' touches for menus, by their keys."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-PLATFORM = "cable_platform"  # device that the motors' touches are made for
+PLATFORM = "cable_platform"  # device for which the touches of the motors' examples are made
 
 THIMBLE: Mapping[str, tuple[str, str]] = {
     "BALL": ("Ball", "A ball is pressed and rolled about the pad: the device's best case"),
@@ -29,5 +29,5 @@ MOTORS: Mapping[str, tuple[str, str]] = {
 
 
 def items(touches: Mapping[str, tuple[str, str]]) -> tuple[tuple[str, str, str], ...]:
-    """Return touches as a menu takes them."""
+    """Return touches as the items of a menu."""
     return tuple((key, *said) for key, said in touches.items())

@@ -146,7 +146,7 @@ def preset_findings(key: str) -> tuple[Any, ...]:
 
 
 def keep(scene: bpy.types.Scene, found: Any, preset: str) -> Answer:
-    """Draw the picture, load it as an image of the .blend, and keep the result."""
+    """Draw the picture, load it as an image, and keep the result."""
     folder = user_folder("designs", create=True)
     picture = folder / f"{re.sub(r'[^A-Za-z0-9_-]+', '_', scene.name)}.png"
     core.design.picture.write_picture(found, picture, scene.dermis_design.rule)

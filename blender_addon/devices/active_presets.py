@@ -90,7 +90,7 @@ def searched(device: Any) -> core.devices.spec.DeviceSpec | None:
 
 
 def searched_of(obj: bpy.types.Object) -> Any | None:
-    """Return the settings of a finger's first enabled device that is `searched`.
+    """Return the settings of a finger's first enabled `searched` device.
 
     The result is None without one.
     """

@@ -1,4 +1,6 @@
-"""Play positions and values of a mesh over frames, with neither handler nor file.
+"""Play positions and values of a mesh over frames.
+
+This needs neither a handler nor a file.
 
 A second object, in no collection, is the table. Its points are the mesh's vertices at the first frame, then at the
 second, and so on, and the values there are attributes of the points. Nodes of the mesh read the row of the scene's time

@@ -1,7 +1,7 @@
-"""The material of heat maps: the view's colours, and its light, which shines from the eye.
+"""Make the material of heat maps, with colours and light as in the view.
 
-Where nothing is felt it is plain skin, as the view leaves it to the finger. Colours are those of the view, within 2 of
-255, under the view transform 'Standard'; others, such as AgX, change them as they change everything.
+The light of the view shines from the eye. Skin at which nothing is felt is plain, as in the view. With the view
+transform 'Standard', colours are those of the view to within 2 of 255. Other transforms, such as AgX, change them.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from ..fingertip_mesh import SKIN
 from ..viewport import skin_colours
 
 NAME = "Dermis Heat Map"
-STOPS = 32  # at most, of Blender's colour ramps
-GAMMA = 2.2  # of the screen: the view darkens faces seen from the side in its colours, not in light
+STOPS = 32  # largest number of stops of a colour ramp in Blender
+GAMMA = 2.2  # gamma of the screen; the view darkens faces seen from the side in screen colours, not in linear light
 
 
 def material() -> bpy.types.Material:
-    """Return the material that all skins share, made where it is missing."""
+    """Return the material that all skins share; make it if it is missing."""
     found = bpy.data.materials.get(NAME)
     if found is not None and found.library is None and _nodes(found) is not None:
         return found
@@ -72,7 +72,7 @@ def material() -> bpy.types.Material:
 
 
 def bare(name: str) -> bpy.types.Material:
-    """Return a new material whose nodes are still to be made."""
+    """Return a new material without nodes."""
     made = bpy.data.materials.new(name)
     if made.node_tree is None:
         made.use_nodes = True
@@ -81,7 +81,10 @@ def bare(name: str) -> bpy.types.Material:
 
 
 def show(attribute: str, top: float, table: str, fill: float) -> None:
-    """Let the material show an attribute from 0 to `top` [SI] in the colours of a table; other nodes stay."""
+    """Let the material show an attribute from 0 to `top` [SI].
+
+    The colours are those of a table. Other nodes are not changed.
+    """
     nodes: Any = _nodes(material())
     nodes["Value"].attribute_name = attribute
     nodes["Range"].inputs["From Max"].default_value = top
@@ -90,14 +93,17 @@ def show(attribute: str, top: float, table: str, fill: float) -> None:
 
 
 def shown() -> str:
-    """Return the attribute that the material shows; '' where there is no such material."""
+    """Return the attribute that the material shows; '' without the material."""
     found = bpy.data.materials.get(NAME)
     nodes = None if found is None else _nodes(found)
     return "" if nodes is None else str(nodes["Value"].attribute_name)
 
 
 def ramp(colours: Any, table: str) -> None:
-    """Give a colour ramp a table's colours: as many stops as it takes, a whole number between two of the table's."""
+    """Give a colour ramp the colours of a table.
+
+    It gets as many stops as are possible with the same whole number of intervals in each segment of the table.
+    """
     parts = skin_colours.segments(table)
     count = parts * ((STOPS - 1) // parts) + 1
     places = np.linspace(0.0, 1.0, count)
@@ -111,12 +117,12 @@ def ramp(colours: Any, table: str) -> None:
 
 
 def linear(colours: Array) -> Array:
-    """Return colours of the screen (sRGB) as light."""
+    """Return sRGB colours as linear ones."""
     return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
 
 
 def _nodes(found: bpy.types.Material) -> Any | None:
-    """Return a material's nodes, None where an artist has taken away those that are set here."""
+    """Return a material's nodes; None if one that `show` sets was removed."""
     nodes = found.node_tree.nodes if found.node_tree is not None else {}
     return nodes if all(name in nodes for name in ("Value", "Range", "Colours", "Unstressed Skin")) else None
 

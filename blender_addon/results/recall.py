@@ -28,7 +28,7 @@ def cancel() -> None:
 
 
 def work() -> int:
-    """Read the stored bake of every scene without a result; return their number.
+    """Read the stored bakes of scenes without a result; return their number.
 
     A bake that is gone is skipped. One that cannot be read is reported, and stays stored.
     """

@@ -1,4 +1,7 @@
-"""Tracks the data that Blender evaluates anew from frame to frame, so that the rest need not be read again."""
+"""Track the objects that Blender evaluates anew from frame to frame.
+
+Other objects need not be read again.
+"""
 
 from __future__ import annotations
 
@@ -12,10 +15,12 @@ from . import script_changes
 
 
 class ChangesSeen:
-    """Notes which objects changed while it watches; without it, everything may have changed.
+    """Watcher that notes which objects change.
+
+    While it is not watching, any object may have changed.
 
     Args:
-        always: session uids of objects that are always asked about too.
+        always: session uids of objects whose changes count in every query.
     """
 
     def __init__(self, always: Set[int] = frozenset()) -> None:
@@ -26,9 +31,9 @@ class ChangesSeen:
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """Watch the dependency graph's updates meanwhile."""
+        """Watch the updates of the dependency graph inside the context."""
         lists = (bpy.app.handlers.frame_change_post, bpy.app.handlers.depsgraph_update_post)
-        handler = self._note  # one bound method, which can be found again
+        handler = self._note  # the same bound method for adding and removing
         for handlers in lists:
             handlers.append(handler)
         self._watching, self._all = True, True
@@ -41,9 +46,10 @@ class ChangesSeen:
                     handlers.remove(handler)
 
     def any_of(self, uids: Set[int]) -> bool:
-        """Return whether any of these objects may have changed since this was asked last, by session uid.
+        """Return whether any of the objects may have changed since the last call.
 
-        Blender evaluates changes that scripts make after a frame once more, and reports no update of them.
+        Objects are given by session uid. With scripts the result is always True: Blender evaluates their changes after
+        a frame again, but reports no update of them.
         """
         seen = not (self._uids.isdisjoint(uids) and self._uids.isdisjoint(self._always))
         changed = seen or self._all or not self._watching or script_changes.run_here()

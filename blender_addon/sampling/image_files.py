@@ -1,4 +1,7 @@
-"""The file behind a Blender image, and its tags on the pixels: Blender keeps numbers from 0 to 1, and no tags."""
+"""Read the file behind a Blender image, and its tags on the pixels.
+
+Blender itself keeps numbers from 0 to 1, and no tags.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,10 @@ _FROM_FILES = ("FILE", "SEQUENCE", "TILED")
 
 
 def largest(image: bpy.types.Image) -> int | None:
-    """Return the stored number that Blender makes 1, 1 for floating point; None where that cannot be looked up."""
+    """Return the stored number that Blender converts to 1.
+
+    It is 1 for floating point, and None if it is unknown.
+    """
     if not image.is_float:
         return 255
     kind = image.file_format
@@ -23,7 +29,7 @@ def largest(image: bpy.types.Image) -> int | None:
     if kind == "PNG":
         return 65535
     if kind != "TIFF":
-        return None  # whole numbers of 10 to 16 bits: JPEG 2000, Cineon, DPX and others
+        return None  # integers of 10 to 16 bits: JPEG 2000, Cineon, DPX and others
     try:
         stored = core.images.tiff_header.TiffHeader.of(_tiff(image), image.name_full).sample_type()
     except DermisError:
@@ -35,14 +41,15 @@ def largest(image: bpy.types.Image) -> int | None:
 def declared(
     image: bpy.types.Image, values: NDArray[np.float32], where: str, *, said: bool
 ) -> tuple[NDArray[np.bool_] | None, tuple[Finding, ...]]:
-    """Return where a TIFF declares its pixels empty, row 0 at the bottom, and the findings on its tags.
+    """Return the pixels that a TIFF declares empty, and findings on its tags.
 
     Args:
-        values: that Blender has, row 0 at the bottom, shape (rows, columns).
-        said: the artist has decided on 'no data', so that it does not matter where the file is not known.
+        values: values of the pixels in Blender, row 0 at the bottom, shape (rows, columns).
+        said: whether the artist has decided on 'no data'; then a file that cannot be read is not reported.
 
     Returns:
-        None in place of the pixels for images of other kinds, and where the file cannot be read.
+        Whether each pixel is empty, row 0 at the bottom, and findings. Instead of the pixels it has None for images of
+        other kinds, and if the file cannot be read.
     """
     if image.source not in _FROM_FILES or image.file_format != "TIFF":
         return None, ()
@@ -65,10 +72,12 @@ def declared(
 
 
 def _agrees(raster: Any, values: NDArray[np.float32], *, bent: bool) -> bool:
-    """Return whether a file has the pixels that Blender has: it may have been written anew, or they be painted over.
+    """Return whether a file has the pixels that Blender has.
+
+    The file may have been written anew, or the pixels painted over.
 
     Args:
-        bent: Blender has changed the values by a colour space, so that only the size can be compared.
+        bent: whether Blender has converted the values by a colour space, so that only the size can be compared.
     """
     if raster.holes.shape != values.shape:
         return False
@@ -77,10 +86,10 @@ def _agrees(raster: Any, values: NDArray[np.float32], *, bent: bool) -> bool:
 
 
 def _tiff(image: bpy.types.Image) -> bytes:
-    """Return a TIFF as it is stored, packed or in its file.
+    """Return the bytes of a TIFF, packed or from its file.
 
     Raises:
-        DermisError: it is not there, or it is no TIFF any more.
+        DermisError: the file is missing, or is not a TIFF.
     """
     if image.packed_file is not None:
         data = bytes(image.packed_file.data)

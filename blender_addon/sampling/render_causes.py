@@ -1,4 +1,7 @@
-"""Why renders show felt objects otherwise: settings of their own, and those of the sources of their shape."""
+"""Find the settings by which renders show felt objects differently.
+
+They are settings of the objects, and of the sources of their shapes.
+"""
 
 from __future__ import annotations
 
@@ -10,25 +13,25 @@ from . import dependence, participants, render_settings, script_changes
 from .participants import Participants
 from .render_settings import has_settings, instancer, rendering, seen_by_camera, settings, visibility
 
-Words = dict[int, list[str]]  # by session uid, of those that have any
+Words = dict[int, list[str]]  # texts by session uid; data without a text are left out
 
 
 class RenderCauses:
-    """Follows the settings that differ, from frame to frame.
+    """Watcher of the settings that differ, from frame to frame.
 
     Attributes:
-        vary: they may change within the range: something animates them, or scripts run.
+        vary: whether settings may change within the range, because they are animated or scripts run.
     """
 
     def __init__(self, swept: Participants, scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> None:
         self._scene, self._view_layer = scene, view_layer
         screens = participants.look_up({e.uid for e in swept.screens}).values()
         meshes = {screen.dermis.screen.mesh_object for screen in screens} - {None}
-        self._own = {e.uid for e in swept.bodies if e.instance is None}  # felt where they are themselves
+        self._own = {e.uid for e in swept.bodies if e.instance is None}  # felt at their own place
         self._instanced = {e.uid for e in swept.bodies if e.instance is not None} - self._own
         self._felt = self._own | self._instanced | {mesh.session_uid for mesh in meshes}
         makers = {e.instance.instancer for e in swept.bodies if e.instance is not None}
-        self._makers = makers - self._felt  # of instances that are felt, and are not felt themselves
+        self._makers = makers - self._felt  # objects that are not felt, but whose instances are
         self._varying = {o.session_uid for o in bpy.data.objects if render_settings.animated(o)}
         self._all_vary = script_changes.run_here() or render_settings.simplify_animated(scene)
         self.vary = self._all_vary or bool(self._varying)
@@ -37,13 +40,16 @@ class RenderCauses:
         self._instancer: Words = {}
         self._visibility: Words = {}  # of objects and collections
         self._rendering: set[int] = set()  # objects in collections that renders show
-        self._reached: dict[tuple[int, bool], frozenset[int]] = {}  # who gets its shape from one
+        self._reached: dict[tuple[int, bool], frozenset[int]] = {}  # the objects that get their shape from a source
 
     def look(self, objects: Mapping[int, bpy.types.Object]) -> None:
-        """Compare the settings of now; all of them the first time, then those that may have changed."""
+        """Compare the present settings.
+
+        The first call compares all of them, later calls those that may have changed.
+        """
         every = self._all_vary or not self._looked
         for uid in objects if every else self._varying & objects.keys():
-            obj = objects[uid]  # where scripts run, this is asked of all objects at every frame: most have nothing
+            obj = objects[uid]  # with scripts, these are all objects at every frame, so quick tests come first
             if has_settings(obj) or uid in self._settings:
                 _keep(self._settings, uid, settings(obj, self._scene))
             if obj.is_instancer or uid in self._instancer:
@@ -60,7 +66,7 @@ class RenderCauses:
         self._looked = True
 
     def hidden(self, objects: Mapping[int, bpy.types.Object]) -> set[int]:
-        """Return the session uids of felt objects that are enabled, and that renders do not show now."""
+        """Return session uids of enabled felt objects that renders do not show."""
         shown = (self._felt - self._instanced) & objects.keys()
         out = {uid for uid in shown if not (uid in self._rendering and seen_by_camera(objects[uid]))}
         instanced = {uid: objects[uid] for uid in self._instanced & self._visibility.keys() & objects.keys()}
@@ -68,7 +74,10 @@ class RenderCauses:
         return self._enabled(out, objects)
 
     def differing(self, objects: Mapping[int, bpy.types.Object]) -> Words:
-        """Return in words the current differences of enabled felt objects and of makers of felt instances."""
+        """Return texts on the present differences, by session uid.
+
+        They are those of enabled felt objects and of the makers of felt instances.
+        """
         out: Words = {}
         if not (self._settings or self._instancer or self._visibility):
             return out
@@ -88,7 +97,7 @@ class RenderCauses:
         return {uid: said for uid, said in out.items() if uid in there}
 
     def _find_makers(self, objects: Mapping[int, bpy.types.Object]) -> None:
-        """Add those that would show instances of felt objects in renders only."""
+        """Add the objects that show instances of felt objects in renders only."""
         others = {uid for uid in self._settings.keys() - self._felt if _instances(objects[uid])}
         if others:
             shapes = dependence.Shapes()

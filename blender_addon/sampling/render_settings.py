@@ -1,4 +1,7 @@
-"""The settings that a render takes another value of than the viewport, and the differences in words."""
+"""Compare settings that have separate values for the viewport and renders.
+
+Differences are returned as texts.
+"""
 
 from __future__ import annotations
 
@@ -37,12 +40,15 @@ _SIMPLIFY = ("simplify_subdivision", "simplify_subdivision_render")
 _SIMPLIFY_CHILDREN = ("simplify_child_particles", "simplify_child_particles_render")
 _SIMPLIFIED = frozenset({"use_simplify", *_SIMPLIFY, *_SIMPLIFY_CHILDREN})
 
-_ALWAYS = 2**31 - 1  # a level that Simplify leaves as it is
+_ALWAYS = 2**31 - 1  # a level that Simplify does not reduce
 _OFF_IN = {True: "is off in renders", False: "is on in renders only"}
 
 
 def settings(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[str]:
-    """Return in words why an object's surface, or its instances, differ in a render."""
+    """Return texts on the settings by which an object differs in a render.
+
+    Its surface, or its instances, may differ.
+    """
     out = [f"{m.name}{said}" for m in obj.modifiers if (said := _modifier(m, scene))]
     out += [f"{name}: {shown:g}, in renders {rendered:g}" for name, shown, rendered in _data(obj.data)]
     for system in obj.particle_systems:
@@ -51,12 +57,12 @@ def settings(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[str]:
 
 
 def has_settings(obj: bpy.types.Object) -> bool:
-    """Return whether `settings` has anything to compare of an object."""
+    """Return whether an object has anything that `settings` compares."""
     return len(obj.modifiers) > 0 or obj.type in _RESOLVED or len(obj.particle_systems) > 0
 
 
 def instancer(obj: bpy.types.Object) -> list[str]:
-    """Return in words whether an instancer itself is shown by only one of the viewport and renders."""
+    """Return a text if only the viewport or only renders show an instancer."""
     if not obj.is_instancer:
         return []
     shown, rendered = (getattr(obj, name) for name in _INSTANCER)
@@ -64,7 +70,10 @@ def instancer(obj: bpy.types.Object) -> list[str]:
 
 
 def visibility(shown: bpy.types.Object | bpy.types.Collection) -> list[str]:
-    """Return in words whether only one of the viewport and renders shows an object or a collection."""
+    """Return a text if only the viewport or only renders show a data-block.
+
+    It is an object or a collection.
+    """
     hidden = shown.hide_viewport
     if hidden == shown.hide_render:
         return []
@@ -80,7 +89,7 @@ def displaces(material: bpy.types.Material | None) -> bool:
 
 
 def seen_by_camera(obj: bpy.types.Object) -> bool:
-    """Return whether cameras see an object where its collections are rendered."""
+    """Return whether cameras see an object, if its collections are rendered."""
     return bool(obj.visible_camera) and not obj.hide_render
 
 
@@ -100,12 +109,15 @@ def animated(obj: bpy.types.Object) -> bool:
 
 
 def simplify_animated(scene: bpy.types.Scene) -> bool:
-    """Return whether Simplify is animated, which holds for all objects."""
+    """Return whether Simplify is animated; it applies to all objects."""
     return not _SIMPLIFIED.isdisjoint(_attributes(scene))
 
 
 def finer(obj: bpy.types.Object, scene: bpy.types.Scene) -> float:
-    """Return how many times more faces a render subdivides an object into."""
+    """Return the ratio of faces in a render to those in the viewport.
+
+    Only the subdivision of the object is considered.
+    """
     levels = 0
     for modifier in obj.modifiers:
         if modifier.type in ("SUBSURF", "MULTIRES"):
@@ -153,7 +165,7 @@ def _data(data: bpy.types.ID | None) -> Iterator[tuple[str, float, float]]:
 
 
 def _particles(of: bpy.types.ParticleSettings, scene: bpy.types.Scene) -> Iterator[str]:
-    """Yield in words how many more objects a render shows in the places of particles."""
+    """Yield texts on objects at particles that only renders show."""
     shows = {"OBJECT": of.instance_object, "COLLECTION": of.instance_collection}.get(of.render_type)
     if shows is None:
         return

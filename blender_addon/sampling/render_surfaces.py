@@ -1,7 +1,8 @@
-"""The surfaces of objects as the viewport and as renders evaluate them, and how far apart they are.
+"""Measure the distance between surfaces in the viewport and in renders.
 
-bpy evaluates a scene for renders only while it renders and while it exports. An export changes neither the scene nor
-its history and runs no scripts at changes of the frame: each object is exported both ways, and the files are read.
+Blender evaluates a scene for renders only while it renders or exports. An export changes neither the scene nor its
+history, and runs no scripts of frame changes. Each object is therefore exported as evaluated for the viewport and for
+renders, and the files are read.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from numpy.typing import NDArray
 from .._core import Array, DermisError, core
 from . import participants, render_settings
 
-_MILLIMETRE = 1e-3  # exported files have six decimals, which are nanometres then
+_MILLIMETRE = 1e-3  # [m] unit of exported files; their six decimals are nanometres
 _MODES = {"viewport": "DAG_EVAL_VIEWPORT", "render": "DAG_EVAL_RENDER"}
 
 Surface = tuple[Array, NDArray[np.int64]]  # vertices [m], shape (V, 3), and triangles, shape (T, 3)
 
 
 class Pieces:
-    """The shown instances at the current frame, and how large all of them are.
+    """The shown instances at the current frame, and their sizes.
 
     Args:
         hosts: session uids of the objects that are felt with the instances that they show.
@@ -63,16 +64,20 @@ class Pieces:
         return self._shown.get(host.session_uid, {}).values()
 
     def triangles(self, obj: bpy.types.Object) -> float:
-        """Return about how many triangles an object has in a render, with its instances; inf where nobody exports it.
+        """Return about how many triangles an object has in a render.
 
-        Instances on vertices and faces are shown of children, which are not exported with it.
+        Its instances are included. The number is infinite for instances on vertices and faces: these show children,
+        which are not exported with the object.
         """
         if obj.instance_type in ("VERTS", "FACES"):
             return np.inf
         return self._finest(obj, obj.evaluated_get(self._depsgraph)) + self._triangles.get(obj.session_uid, 0.0)
 
     def enlarged(self, obj: bpy.types.Object) -> float:
-        """Return how many times larger an instance of an object is felt than the object itself is shown, at most."""
+        """Return the largest scale of an object's instances relative to it.
+
+        It is at least 1.
+        """
         return max(1.0, self._enlarged.get(obj.session_uid, 0.0))
 
     def _finest(self, obj: bpy.types.Object, evaluated: bpy.types.Object) -> float:
@@ -83,7 +88,10 @@ class Pieces:
 def distances(
     objects: list[bpy.types.Object], scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer
 ) -> list[float | None]:
-    """Return how far the two surfaces of each object are apart at most [m]; None where Blender does not tell."""
+    """Return the largest distance between the two surfaces of each object [m].
+
+    It is None if Blender cannot export both, or if it cannot be measured.
+    """
     if not objects:
         return []
     unit = float(scene.unit_settings.scale_length)
@@ -93,9 +101,9 @@ def distances(
             surfaces = []
             for mode, evaluation in _MODES.items():
                 path = Path(folder, f"{i} {mode}.obj")
-                with suppress(RuntimeError):  # no window to export from, for one
+                with suppress(RuntimeError):  # for example, there is no window to export from
                     _export(path, evaluation, name, scene, view_layer, unit / _MILLIMETRE)
-                if path.exists():  # where nothing is shown, nothing is written
+                if path.exists():  # an export of nothing writes no file
                     surfaces.append(_read(path))
                     path.unlink()
             out.append(_apart(*surfaces) if len(surfaces) == len(_MODES) else None)
@@ -104,7 +112,10 @@ def distances(
 
 @contextmanager
 def _collections(objects: Iterable[bpy.types.Object]) -> Iterator[list[str]]:
-    """Give the names of collections of one object each, which are in no scene and are removed at the end."""
+    """Give the names of temporary collections, each with one object.
+
+    They are in no scene, and are removed at the end.
+    """
     made = [bpy.data.collections.new("Dermis") for _ in objects]
     try:
         for collection, obj in zip(made, objects, strict=True):
@@ -117,7 +128,7 @@ def _collections(objects: Iterable[bpy.types.Object]) -> Iterator[list[str]]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Let nothing be written to standard output: Blender reports there on every export."""
+    """Suppress standard output, on which Blender reports every export."""
     _flush()
     try:
         kept = os.dup(1)
@@ -146,7 +157,10 @@ def _flush() -> None:
 
 @contextmanager
 def _nothing_active(view_layer: bpy.types.ViewLayer) -> Iterator[None]:
-    """Let no object be active: an export puts the active one in Object Mode, where its shape may be another."""
+    """Let no object be active.
+
+    An export puts the active object into Object Mode, where its shape may differ.
+    """
     active = view_layer.objects.active
     view_layer.objects.active = None
     try:
@@ -191,7 +205,10 @@ def _read(path: Path) -> Surface:
 
 
 def _apart(one: Surface, other: Surface) -> float | None:
-    """Return the largest distance from vertices and middles of triangles of each surface to the other [m]."""
+    """Return the largest distance of two surfaces [m]; None if it is unknown.
+
+    It is measured from the vertices and the centroids of each surface's triangles to the other surface.
+    """
     if not len(one[1]) or not len(other[1]):
         return None
     try:

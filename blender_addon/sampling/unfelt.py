@@ -1,4 +1,7 @@
-"""Geometry without faces that a touchable object shows beside its mesh: points, curves and volumes are not felt."""
+"""Report geometry without faces that touchable objects show.
+
+Points, curves and volumes are not felt.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ _CALLED = {
     "VOLUME": ("a volume", "Volume to Mesh"),
     "GREASEPENCIL": ("Grease Pencil strokes", "Grease Pencil to Curves and Curve to Mesh"),
 }
-"""How geometry is called, by type of object, and the nodes that make faces of it."""
+"""Name of the geometry, by type of object, and the nodes that make faces of it."""
 
 
 class Unfelt(NamedTuple):
@@ -30,11 +33,11 @@ class Unfelt(NamedTuple):
 
 
 def is_unfelt(instance: Any, shown: Any) -> bool:
-    """Return whether an instance has no faces and shows all the same.
+    """Return whether an instance is visible without having faces.
 
     Args:
-        instance: as it is shown. shown: the object that it is an instance of. The surface of a curve object is an
-            instance of a mesh of its own, but nodes that make curves of a mesh make no surface.
+        instance: the shown instance. shown: the object that it is an instance of. A curve object has a surface, which
+            is shown as another instance, of a mesh. Curves that nodes make of a mesh have none.
     """
     kind = instance.type
     if kind == "POINTCLOUD":
@@ -43,7 +46,7 @@ def is_unfelt(instance: Any, shown: Any) -> bool:
 
 
 def findings(seen: Iterable[tuple[Unfelt, float]]) -> list[Any]:
-    """Return findings on geometry that is not felt, with the first frame at which it is shown."""
+    """Return findings on unfelt geometry, with the first frame of each."""
     first = dict(seen)
     objects = participants.look_up({unfelt.uid for unfelt in first})
     out = []

@@ -1,6 +1,7 @@
-"""The strip along the bottom of timeline, dope sheet and graph editor: the touch of each finger, frame by frame.
+"""Draw the strip at the bottom of timeline, dope sheet and graph editor.
 
-A bake's lanes are made once, and laid out once for each view of them; a redraw only sends them to the graphics card.
+It shows the touch of each finger, frame by frame. A bake's lanes are made once, and laid out once for each view. A
+redraw only sends them to the graphics card.
 """
 
 from __future__ import annotations
@@ -20,14 +21,18 @@ from ..viewport import paint
 from .columns import MARK, SCRUB, Layout, View, laid_out
 
 EDITORS = ("DOPESHEET_EDITOR", "GRAPH_EDITOR")
-LETTERS = 0.87  # of the usual size
-NOTE = 16.0  # height of the line above the lanes [px at scale 1]
-MOST = 32  # selected objects whose keys are looked for
+LETTERS = 0.87  # size of letters over the usual size
+NOTE = 16.0  # [px] height of the line above the lanes at scale 1
+MOST = 32  # largest number of selected objects whose keys labels keep clear of
 NOTES = {**store.NOTES, "fresh": "", "live": "live: frames seen since the last edit"}
 
 
 class Strip(NamedTuple):
-    """Contents of a scene's strip: of its bake, of previews since, findings with a frame, and the owner."""
+    """Contents of a scene's strip.
+
+    `lanes` are those of the bake, `live` those of previews since, `marks` the findings with a frame, and `state` is a
+    key of `NOTES`.
+    """
 
     lanes: tuple[Lane, ...]
     live: tuple[Lane, ...]
@@ -41,7 +46,7 @@ _key_frames: core.recent.Recent[tuple[Any, ...], tuple[float, ...]] = core.recen
 
 
 def of(scene: bpy.types.Scene) -> Strip | None:
-    """Return the contents of a scene's strip; None where there is neither a bake nor a preview."""
+    """Return the contents of a scene's strip; None without bake and preview."""
     state, result = store.state(scene), store.current(scene)
     live = () if state == "fresh" else live_lanes.of(scene)
     if result is None:
@@ -57,18 +62,18 @@ def of(scene: bpy.types.Scene) -> Strip | None:
 
 
 def view_of(region: bpy.types.Region) -> View:
-    """Return the contents of a region."""
+    """Return the view of a region."""
     left, right = (region.view2d.region_to_view(x, 0.0)[0] for x in (0.0, float(region.width)))
     return View(region.width, region.height, round(left, 6), round(right, 6), ui_scale())
 
 
 def layout_of(shown: Strip, view: View) -> Layout:
-    """Return the strip laid out for a view; made once for each."""
+    """Return the layout of the strip for a view, which is cached."""
     return _kept(shown, view)[0]
 
 
 def mark_at(context: bpy.types.Context, x: float, y: float) -> Mark | None:
-    """Return the finding whose mark lies at a place of the current region [px], None where there is none."""
+    """Return the mark at a place of the current region [px]; None without one."""
     shown = of(context.scene) if visible(context) else None
     if shown is None or not shown.marks:
         return None
@@ -76,7 +81,7 @@ def mark_at(context: bpy.types.Context, x: float, y: float) -> Mark | None:
 
 
 def visible(context: bpy.types.Context) -> bool:
-    """Return whether the current editor shows the strip where there is one."""
+    """Return whether the current editor shows a strip, if there is one."""
     space, region = context.space_data, context.region
     if space is None or space.type not in EDITORS or region is None or region.type != "WINDOW":
         return False
@@ -90,13 +95,13 @@ def _kept(shown: Strip, view: View) -> tuple[Layout, Any]:
 
     def make() -> tuple[Layout, Any]:
         made = laid_out(lanes, live, marks, view, pale=state in ("stale", "earlier"), keys=keys)
-        return made, (lanes, live, [])  # the lanes stay alive with their ids; the last holds the batch
+        return made, (lanes, live, [])  # references keep the lanes, whose ids are in the key; the list holds the batch
 
     return _layouts.make(key, make)
 
 
 def _keys_shown() -> tuple[float, ...]:
-    """Return the frames of the keys that editors show: those of selected objects."""
+    """Return the frames of the keys of selected objects, which editors show."""
     chosen = tuple(bpy.context.selected_objects or ())[:MOST]
     key = (changes.edits(), tuple(obj.session_uid for obj in chosen))
 
@@ -118,7 +123,7 @@ def _keyed(obj: bpy.types.Object) -> set[float]:
 
 
 def draw() -> None:
-    """Draw into the current editor."""
+    """Draw the strip into the current editor."""
     context = bpy.context
     if not visible(context):
         return
@@ -143,7 +148,10 @@ def draw() -> None:
 
 
 def _write(layout: Layout, view: View, state: str) -> None:
-    """Write the titles of the lanes, and above them at the right end their owner where that is not plain."""
+    """Write the titles of the lanes, and above them a note on their source.
+
+    There is no note on an up-to-date bake.
+    """
     pale, size = state in ("stale", "earlier"), LETTERS * view.scale
     for words, x, y in layout.labels:
         paint.text(words, x, y, paint.FAINT if pale else paint.INK, size)
@@ -161,6 +169,6 @@ def _write(layout: Layout, view: View, state: str) -> None:
 
 
 def forget() -> None:
-    """Forget the layout."""
+    """Drop all lanes and layouts."""
     _baked.clear()
     _layouts.clear()

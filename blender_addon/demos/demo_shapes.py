@@ -1,4 +1,4 @@
-"""Objects that the fingers of the example scenes touch: meshes of real size [m]."""
+"""Make the meshes that the example scenes need, at real size [m]."""
 
 from __future__ import annotations
 
@@ -24,14 +24,17 @@ def mesh(name: str, points: ArrayLike, faces: Sequence[Sequence[int]]) -> bpy.ty
 
 
 def block(x: float, y: float, z: float) -> bpy.types.Mesh:
-    """Return a block whose top's middle is the origin."""
+    """Return a block; the middle of its top is the origin."""
     a, b = 0.5 * x, 0.5 * y
     corners = [(i, j, k) for k in (-z, 0.0) for j in (-b, b) for i in (-a, a)]
     return mesh("Block", corners, [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
 
 
 def chamfered_block(x: float, y: float, z: float) -> bpy.types.Mesh:
-    """Return a closed block around its middle, with a fine chamfer so that edges catch light."""
+    """Return a closed block with a fine chamfer, so that edges catch light.
+
+    The middle of the block is the origin.
+    """
     import bmesh
 
     solid = bmesh.new()
@@ -43,7 +46,10 @@ def chamfered_block(x: float, y: float, z: float) -> bpy.types.Mesh:
 
 
 def sphere(radius: float, segments: int = 64) -> bpy.types.Mesh:
-    """Return a closed sphere around its centre; bmesh would order its triangles anew in every process."""
+    """Return a closed sphere around the origin.
+
+    It is not made with bmesh, which would order the triangles differently in every process.
+    """
     rings = segments // 2
     around, down = np.arange(segments) * (2 * math.pi / segments), np.arange(1, rings)[:, None] * (math.pi / rings)
     ring = np.stack([np.sin(down) * np.cos(around), np.sin(down) * np.sin(around), np.cos(down) + 0 * around], axis=-1)
@@ -60,8 +66,11 @@ def sphere(radius: float, segments: int = 64) -> bpy.types.Mesh:
 
 
 def ridge(length: float, height: float, angle: float, radius: float = 0.4e-3) -> bpy.types.Mesh:
-    """Return a closed bar along X whose upper edge has an angle and is rounded; the edge lies at z = 0."""
-    half = 0.5 * (math.pi - angle)  # of the slopes against the horizontal
+    """Return a closed bar along X with a rounded upper edge at z = 0.
+
+    `angle` is the angle of the edge.
+    """
+    half = 0.5 * (math.pi - angle)  # angle of the slopes to the horizontal
     turn = np.linspace(-half, half, 13)
     tip = np.stack([radius * np.sin(turn), radius * (np.cos(turn) - 1.0)], axis=1)
     reach = (height + tip[0, 1]) / math.tan(half)
@@ -71,7 +80,7 @@ def ridge(length: float, height: float, angle: float, radius: float = 0.4e-3) ->
 
 
 def rod(radius: float, length: float, segments: int = 96) -> bpy.types.Mesh:
-    """Return a closed round rod along X whose top is the origin."""
+    """Return a closed round rod along X; its top is the origin."""
     angle = np.arange(segments) * (2 * math.pi / segments)
     circle = np.stack([radius * np.sin(angle), radius * (np.cos(angle) - 1.0)], axis=1)
     n = segments
@@ -81,7 +90,7 @@ def rod(radius: float, length: float, segments: int = 96) -> bpy.types.Mesh:
 def ribbed_plate(
     width: float, depth: float, thickness: float, period: float = RIB_PERIOD, height: float = RIB_HEIGHT
 ) -> bpy.types.Mesh:
-    """Return a plate whose top carries ribs along Y; the top's crests lie at z = 0."""
+    """Return a plate with ribs along Y on its top; their crests are at z = 0."""
     columns = round(12 * width / period)
     x = np.linspace(-0.5 * width, 0.5 * width, columns + 1)
     top = 0.5 * height * (np.cos(2.0 * np.pi * x / period) - 1.0)
@@ -96,7 +105,10 @@ def ribbed_plate(
 
 
 def cup(radius: float, rounding: float, height: float, segments: int = 192) -> bpy.types.Mesh:
-    """Return a cup whose rim touches the origin from below and curves away along X; its middle lies at -Y."""
+    """Return a cup whose rim touches the origin from below.
+
+    At the origin the rim runs along X. The middle of the cup lies at -Y.
+    """
     arc = np.linspace(0.0, math.pi, 17)
     wall = np.stack([radius + rounding * np.cos(arc), rounding * (np.sin(arc) - 1.0)], axis=1)
     profile = np.vstack([[radius + rounding, -height], wall, [radius - rounding, -height]])
@@ -118,7 +130,7 @@ def cup(radius: float, rounding: float, height: float, segments: int = 192) -> b
 
 
 def _bar(name: str, profile: Array, length: float, sides: list[tuple[int, ...]]) -> bpy.types.Mesh:
-    """Return a profile in Y and Z drawn out along X, closed at both ends."""
+    """Return a profile in Y and Z extruded along X, closed at both ends."""
     n = len(profile)
     points = [np.column_stack([np.full(n, x), profile]) for x in (-0.5 * length, 0.5 * length)]
     return mesh(name, np.vstack(points), [*sides, tuple(range(n)), tuple(range(2 * n - 1, n - 1, -1))])

@@ -1,4 +1,4 @@
-"""Settings of 'How Many Motors?': parameters only. `design_results` keeps the results."""
+"""Settings of 'How Many Motors?'; `design_results` keeps the results."""
 
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.

@@ -1,4 +1,4 @@
-"""Which preset, skin and table an item of the scene uses, prepared for the engine."""
+"""Prepare presets, skins and tables of devices in a scene for the engine."""
 
 from .. import on_demand
 

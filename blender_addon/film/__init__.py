@@ -1,4 +1,7 @@
-"""Results of a bake as objects for films and figures; made on request, and never written by a handler."""
+"""Make objects for films and figures from the results of a bake.
+
+They are made on request only, never by a handler.
+"""
 
 from .. import on_demand
 

@@ -1,4 +1,4 @@
-"""Hands that people own: which bones are fingertips, where their skin is, and fingers that are attached there."""
+"""Attach fingers to existing hands: find fingertips, their bones and skin."""
 
 from .. import on_demand
 

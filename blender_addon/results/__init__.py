@@ -1,4 +1,4 @@
-"""Bakes, kept beside the .blend, and their files."""
+"""Keep bakes, store them in the user folder, and export them to files."""
 
 from .. import on_demand
 

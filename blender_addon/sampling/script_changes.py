@@ -200,7 +200,7 @@ class Watch:
     def follow(self, chunk: Any) -> Any:
         """Return a chunk with the changed surfaces and parameters put in.
 
-        The chunk must hold exactly the samples that were looked at since the last call.
+        The chunk must hold exactly the samples of all calls of `look` since the last `follow`.
         """
         absent = core.scene.tactile_scene.ABSENT
         surfaces, animated = dict(chunk.surfaces), dict(chunk.animated)

@@ -1,4 +1,4 @@
-"""Results of a bake along the frames: the strip in the timeline and its like."""
+"""Show results of a bake along the frames, as the strip in the timeline."""
 
 from .. import on_demand
 

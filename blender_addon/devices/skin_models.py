@@ -23,7 +23,7 @@ from ..preferences import user_folder
 LIMIT_BYTES = 4_000_000_000
 PAD = "pad"  # stands for a level in a key, and names a job: the table of the smooth pad
 THIMBLE = "thimble"  # names a job: the tables with which a thimble follows a skin
-POLL = 0.1
+POLL = 0.1  # [s] interval at which child processes are polled
 Key = tuple[str, frozenset[tuple[str, Any]]]  # a level, or a table's name, and the parameters that shape the skin
 
 

@@ -1,4 +1,7 @@
-"""The bake: a scene is sampled and rendered, a sample at a time, so that whoever asked can stop between two."""
+"""Bake a scene: sample and render it, one sample at a time.
+
+The caller can stop between two samples.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,11 @@ from .preferences import setting
 from .results import owners, store
 from .sampling import scene_sweep
 
-_kept: list[Any] = []  # results of fingers in earlier bakes, once there was one
+_kept: list[Any] = []  # empty, or one `KeptShares`: the results of fingers in earlier bakes
 
 
 def forget() -> None:
-    """Forget the results of earlier bakes: the next renders every finger."""
+    """Forget the results of earlier bakes: the next bake renders every finger."""
     _kept.clear()
 
 
@@ -35,13 +38,14 @@ def bake(
     cores: int | None = None,
     noted: Callable[[store.Taken], None] | None = None,
 ) -> Steps:
-    """Sample a scene and render it; yield progress after every sample, return the engine's `Bake`.
+    """Sample a scene and render it; return the engine's `Bake`.
 
-    The generator may be closed at any moment: frame and handlers are then as they were.
+    The generator yields progress after every sample. It may be closed at any moment, and then restores frame and
+    handlers.
 
     Args:
-        cores: to use; as the preferences say where None.
-        noted: called with the scene's state when it was sampled, for `store.keep`.
+        cores: number of cores to use; if None, as many as the preferences say.
+        noted: called with the state of the scene at sampling, which `store.keep` needs.
 
     Raises:
         DermisError: the scene cannot be sampled or rendered.
@@ -51,10 +55,12 @@ def bake(
 
 
 def keep(scene: bpy.types.Scene, made: Any, taken: store.Taken) -> list[Any]:
-    """Keep a bake in memory and outside the .blend; return its findings, and why it could not be stored if so.
+    """Keep a bake in memory and in a file outside the .blend; return findings.
+
+    These are the findings of the bake and, if it could not be stored, the reason.
 
     Args:
-        taken: the scene's state when it was sampled.
+        taken: the state of the scene at sampling.
     """
     kept, found = store.keep(scene, made, taken), list(made.all_findings)
     try:
@@ -65,7 +71,9 @@ def keep(scene: bpy.types.Scene, made: Any, taken: store.Taken) -> list[Any]:
 
 
 def prepared(scene: bpy.types.Scene, library: Any) -> Steps:
-    """Bake a scene where it has no bake, or one that is out of date; yield progress, return whether it did.
+    """Bake a scene if it has no bake or an outdated one.
+
+    The generator yields progress, and returns whether the scene was baked.
 
     Raises:
         DermisError: the scene cannot be sampled or rendered.
@@ -79,18 +87,21 @@ def prepared(scene: bpy.types.Scene, library: Any) -> Steps:
 
 
 def verified(scene: bpy.types.Scene, library: Any) -> Steps:
-    """Sample a scene again, and refuse where it is not what its bake was made from, whoever changed it; yield progress.
+    """Sample a scene again, and refuse a bake that other inputs made.
 
-    The frames are those that were baked. Where they are the same, the bake is up to date from then on.
+    The generator yields progress. It samples the frames that were baked. If the inputs do not differ from the bake's,
+    the bake is confirmed. The comparison finds every change of the inputs, whoever made it. A bake of recordings is
+    not checked.
 
     Raises:
-        DermisError: it differs, and where; there is no bake; or the bake does not name its inputs.
+        DermisError: the inputs differ (the message names the differences); there is no bake; or the bake does not name
+            its inputs.
     """
     result, where = store.current(scene), f"scene '{scene.name}'"
     if result is None:
         raise DermisError("the scene has no bake", where=where, remedy="Bake first")
     if result.bake.recorded:
-        return  # its tracks follow recordings, whatever the scene is
+        return  # the tracks follow recordings, so the scene does not matter
     if not result.bake.inputs:
         raise DermisError(
             "the bake is of an earlier version of Dermis: changes of the scene since then cannot be detected",
@@ -166,7 +177,7 @@ def _baked(
                 yield progress
             except StopIteration as stop:
                 baked = stop.value
-                # the sweep runs ahead of the pipeline's own clock, so that the job can stop between two samples
+                # The sweep runs here, so that the job can stop between two samples. The pipeline does not time it.
                 seconds = dict(baked.stage_seconds)
                 seconds["sampling"] = seconds.get("sampling", 0.0) + sampling_seconds
                 return replace(baked, findings=(*baked.findings, *sweep.findings), stage_seconds=seconds)

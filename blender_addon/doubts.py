@@ -1,4 +1,7 @@
-"""Probable mistakes in a scene: sizes, units and places that people seldom mean. A click corrects each."""
+"""Probable mistakes in a scene: sizes, units and places that few people mean.
+
+A click corrects each of them.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +19,15 @@ from .properties import skin_properties
 from .quantities import metres_per_unit
 from .sampling import participants
 
-HUGE = 3.0  # [m] things that a fingertip touches are smaller, as a rule
-OUTLIER = 2.0  # times as wide or as narrow as the others of its hand that a finger is doubted
-UNLIKE = 4.0  # times as long or as short as its bone that a fingertip is doubted
-_KEYS = 40  # of a finger that are looked at
-_DEEPEST = 2e-3  # [m] that linear skin is trusted to, as the engine's finding 'too-deep' says
-_PRESS = 1e-3  # [m] that a finger stays inside the object that it went through
-_NEAR, _AWAY = 3e-3, -0.5  # [m] from a finger that something counts as passed, and how much on the nail's side it lies
+HUGE = 3.0  # [m] objects that a fingertip touches are usually smaller than this
+OUTLIER = 2.0  # a finger is doubted if it is this many times as wide or as narrow as the others of its hand
+UNLIKE = 4.0  # a fingertip is doubted if it is this many times as long or as short as its bone
+_KEYS = 40  # at most so many keys of a finger are examined
+_DEEPEST = 2e-3  # [m] depth to which linear skin is trusted, as in the engine's finding 'too-deep'
+_PRESS = 1e-3  # [m] depth of the press that is left when a finger is raised because its bone was inside an object
+# _NEAR [m]: a finger passes an object at less than this distance. _AWAY: a finger is doubted if all objects that it
+# passes lie on a side below this, where 1 is straight before the pad and -1 straight before the nail.
+_NEAR, _AWAY = 3e-3, -0.5
 _LENGTHS = core.parameters.skin.LENGTHS
 
 _kept: core.recent.Recent[tuple[int, int, int], tuple[Doubt, ...]] = core.recent.Recent(4)
@@ -30,7 +35,10 @@ _kept: core.recent.Recent[tuple[int, int, int], tuple[Doubt, ...]] = core.recent
 
 @dataclass(frozen=True)
 class Doubt:
-    """Something doubtful: its code, the object's name ('' the scene's), words for it, and the effect of its button."""
+    """A probable mistake: code, object, text, and the effect of its button.
+
+    The object's name is '' if the mistake is in the scene's settings.
+    """
 
     code: str
     name: str
@@ -39,7 +47,7 @@ class Doubt:
 
 
 def of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt, ...]:
-    """Return a scene's doubts, looked for once after each change."""
+    """Return a scene's doubts; they are looked for once after each change."""
     key = (scene.session_uid, changes.edits(), len(scene.objects))
     return _kept.make(key, lambda: look(scene, view_layer))
 
@@ -61,7 +69,11 @@ def look(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt
 
 
 def bodies(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, *, screens: bool = False) -> list[bpy.types.Object]:
-    """Return the meshes that can be touched and that Blender evaluates, touch screens too where that is asked."""
+    """Return the touchable meshes that Blender evaluates.
+
+    Args:
+        screens: return touch screens, too.
+    """
     roles = ("TOUCHABLE", "SCREEN") if screens else ("TOUCHABLE",)
     return [
         obj
@@ -71,10 +83,10 @@ def bodies(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer, *, screens: 
 
 
 def mend(context: bpy.types.Context, code: str, name: str) -> None:
-    """Mend a doubt.
+    """Correct the mistake of a doubt.
 
     Raises:
-        DermisError: it is gone, or cannot be mended here.
+        DermisError: the finger is gone, or the mistake cannot be corrected here.
     """
     scene, obj = context.scene, context.scene.objects.get(name)
     if code == "units":
@@ -129,7 +141,7 @@ def into_open(context: bpy.types.Context, finger: bpy.types.Object) -> None:
     """Put a finger that is inside a solid on that solid's surface.
 
     Raises:
-        DermisError: it is in none, or hangs on something that is posed.
+        DermisError: it is not inside a solid.
     """
     depsgraph = context.evaluated_depsgraph_get()
     place = finger.matrix_world.translation
@@ -140,7 +152,10 @@ def into_open(context: bpy.types.Context, finger: bpy.types.Object) -> None:
 
 
 def out_of_bone(context: bpy.types.Context, finger: bpy.types.Object) -> None:
-    """Raise a finger, wherever something went through its bone, until it is only pressed."""
+    """Raise a finger in every pose in which an object goes through its bone.
+
+    It then presses that object by 1 mm.
+    """
     unit, depsgraph = metres_per_unit(context.scene), context.evaluated_depsgraph_get()
     thick, bone = (length / unit for length in _to_nail_and_bone(finger))
     solids = bodies(context.scene, context.view_layer)
@@ -198,7 +213,10 @@ def _off_skin(
 def _skin_near(
     finger: bpy.types.Object, view_layer: bpy.types.ViewLayer, depsgraph: bpy.types.Depsgraph
 ) -> surfaces.Spot | None:
-    """Return where a hand's skin, of meshes that follow the finger's bone, is nearest to its pad; None without any."""
+    """Return the spot of a hand's skin that is nearest to a finger's pad.
+
+    The skin is that of visible meshes that follow the finger's bone; None if there is none.
+    """
     hand, bone = finger.parent, finger.parent_bone
     if hand is None or hand.type != "ARMATURE" or finger.parent_type != "BONE" or bone not in hand.data.bones:
         return None
@@ -215,7 +233,10 @@ def _skin_near(
 
 
 def _others_width(finger: bpy.types.Object, objects: Sequence[bpy.types.Object]) -> float:
-    """Return the median width of the other fingers on the same armature [m]; 0 where fewer than two are there."""
+    """Return the median width of the other fingers on the same armature [m].
+
+    0 if there are fewer than two.
+    """
     if finger.parent is None or finger.parent_type != "BONE":
         return 0.0
     widths = sorted(
@@ -227,9 +248,10 @@ def _others_width(finger: bpy.types.Object, objects: Sequence[bpy.types.Object])
 
 
 def _bone_lengths(finger: bpy.types.Object) -> list[float]:
-    """Return how long the bone before a finger's own is, and its own, in scene units; none where neither can be told.
+    """Return the lengths of the bone before a finger's own and of its own.
 
-    An importer makes up where a last bone ends, so that alone tells nothing.
+    They are in scene units. The list is empty if there is no such pair of bones. An importer invents the end of a last
+    bone, so that the own bone's length alone proves nothing.
     """
     if finger.parent_type != "BONE" or finger.parent is None or finger.dermis.finger.skin.mesh_file:
         return []
@@ -245,7 +267,7 @@ def _swallowed(
     finger: bpy.types.Object, solids: list[bpy.types.Object], depsgraph: bpy.types.Depsgraph, unit: float
 ) -> Iterator[Doubt]:
     if finger.parent_type == "BONE":
-        return  # its hand is posed, not itself
+        return  # the pose of its hand moves it, so it cannot be put elsewhere itself
     place = finger.matrix_world.translation
     deep = 0.5 * skin_properties.lengths(finger.dermis.finger.skin)["thickness"]
     for body in solids:
@@ -258,7 +280,10 @@ def _swallowed(
 def _pressed(
     finger: bpy.types.Object, solids: list[bpy.types.Object], depsgraph: bpy.types.Depsgraph, unit: float
 ) -> Iterator[Doubt]:
-    """Doubt presses: how deep, and from which side; now, and at the finger's keys in what keeps still."""
+    """Doubt the depth and the side of a finger's presses.
+
+    All objects are examined at the current frame. At the finger's keys, only objects that do not move are examined.
+    """
     thick, bone = (length / unit for length in _to_nail_and_bone(finger))
     reach = _NEAR / unit
     balls = [(body, *presses.ball(body)) for body in solids]
@@ -295,13 +320,13 @@ def _pressed(
 
 
 def _to_nail_and_bone(finger: bpy.types.Object) -> tuple[float, float]:
-    """Return how far nail and bone are from the pad [m]."""
+    """Return the distances of nail and bone from the pad [m]."""
     lengths = skin_properties.lengths(finger.dermis.finger.skin)
     return lengths["thickness"], lengths["thickness"] - lengths["bone_bed"] - lengths["bone_thickness"]
 
 
 def _trusted(finger: bpy.types.Object) -> float:
-    """Return the depth that a finger's tissue is trusted at [m]."""
+    """Return the depth to which a finger's tissue is trusted [m]."""
     tissue = skin_properties.tissue(finger.dermis.finger.skin)
     return _DEEPEST if tissue == "linear" else float(core.contact.trusted.trusted(tissue).depth)
 

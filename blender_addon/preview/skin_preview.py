@@ -1,10 +1,15 @@
 """The contact of every skin at the current frame.
 
-Where a fresh bake covers the frame, its forces are read: they are exact along the path. Otherwise each finger has a
-contact path of its own through the frames visited: a step forward continues its history, a frame that was visited is
-shown as it was, a jump goes on from the nearest state that was kept a little before, anything else (a jump farther,
-undo) starts from rest, and the view says which. A change within a frame solves that frame anew from the one before.
-While frames are only passed, each is walked to in few steps; where the scene rests, that is made good.
+If a fresh bake covers the frame, its forces are read: they are exact along the path. Otherwise each finger has a
+contact path of its own through the visited frames:
+
+* A step forward continues the path's history.
+* A frame that was visited before is shown as it was.
+* A jump goes on from the nearest state that was kept a little before the frame.
+* Anything else, such as a farther jump or undo, starts from rest.
+
+The view says which of these it shows. A change within a frame solves the frame anew from the one before. While frames
+only pass by, each is solved coarsely, in few steps. When the scene rests, the frame is refined.
 """
 
 from __future__ import annotations
@@ -29,13 +34,13 @@ from .kept_states import STATES, KeptStates
 from .rows import as_it_was, goes_on, origin
 from .skin_state import SkinState
 
-SEEN = 300  # frames that were visited are shown again as they were
-HEAVY = 6  # states that are kept where contact is on points: megabytes a finger each, where one on nodes has 0.1
+SEEN = 300  # number of visited frames that are kept, to be shown again as they were
+HEAVY = 6  # number of kept states if contact is on points: each takes megabytes a finger; one on nodes takes 0.1 MB
 
 
 @dataclass
 class _FingerPath:
-    """One finger's way through the frames."""
+    """One finger's contact path through the frames."""
 
     key: tuple[Any, ...]
     stepper: core.contact.skin_stepper.SkinStepper
@@ -43,10 +48,11 @@ class _FingerPath:
 
 
 class _Between(NamedTuple):
-    """All paths between two frames, to go on from.
+    """Kept states of all paths after a frame, from which they can go on.
 
     Attributes:
-        paths: of the fingers, and the state of each. chunk: the sample that they had taken. first: see `_Live`.
+        paths: by finger, its path and the state of its stepper. chunk: the last sample of the scene. first: see
+            `_Live`.
     """
 
     paths: dict[str, tuple[_FingerPath, Any]]
@@ -58,10 +64,10 @@ class _Between(NamedTuple):
 class _Live:
     generation: int = -1
     scene: int = 0
-    frame: float = 0.0  # that the states are of
-    end: float = 0.0  # that the paths have come to
-    first: float = 0.0  # that they began at
-    since: float | None = None  # of the kept state that the last frame was reached from
+    frame: float = 0.0  # frame of `states`
+    end: float = 0.0  # frame that the paths have reached
+    first: float = 0.0  # frame at which the paths began
+    since: float | None = None  # frame of the kept state from which the last frame was reached
     edits: int = -1
     signature: tuple[Any, ...] = ()
     paths: dict[str, _FingerPath] = field(default_factory=dict)
@@ -69,12 +75,12 @@ class _Live:
     states: tuple[SkinState, ...] = ()
     seen: core.recent.Recent[float, tuple[SkinState, ...]] = field(default_factory=lambda: core.recent.Recent(SEEN))
     kept: KeptStates[_Between] = field(default_factory=KeptStates)
-    undone: list[_FingerPath] = field(default_factory=list)  # fingers of a frame that was left: they go back
+    undone: list[_FingerPath] = field(default_factory=list)  # paths of a frame that was left unfinished: they go back
     failure: str = ""
 
 
 _live = _Live()
-_any: tuple[Any, bool] = ((), False)  # the key of the look-up, and whether there is any
+_any: tuple[Any, bool] = ((), False)  # the key of the look-up, and whether there is any finger
 _any_solved: tuple[Any, bool] = ((), False)
 
 
@@ -87,7 +93,10 @@ def any_finger(scene: bpy.types.Scene) -> bool:
 
 
 def any_solved(scene: bpy.types.Scene) -> bool:
-    """Return whether the skin of any finger is solved; looked up once after each change, in presets too."""
+    """Return whether the skin of any finger is solved.
+
+    Objects and presets are looked up once after each change.
+    """
     global _any_solved
     if _any_solved[0] != _look(scene):
         fingers = [obj.dermis.finger for obj in scene.objects if obj.dermis.role == "FINGER"]
@@ -106,7 +115,10 @@ def solved(finger: core.scene.tactile_scene.Finger) -> bool:
 
 
 def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
-    """Return the skins at the current frame as they are touched, hidden ones that a thimble follows among them."""
+    """Return the skins at the current frame under their own contact.
+
+    Hidden skins that a device follows are among them; skins as devices render them are not.
+    """
     if not any_solved(scene):
         return ()
     frame, state = moment.frame_of(scene), store.state(scene)
@@ -120,13 +132,16 @@ def own(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
 
 
 def seen(scene: bpy.types.Scene, frame: float) -> bool:
-    """Return whether a frame, other than the next one, was visited since the last change and is shown as it was."""
+    """Return whether a frame is shown as it was when it was visited.
+
+    It is if it was visited since the last change and is not the next frame.
+    """
     gap = scene_time.clock(scene, _live.end).seconds(frame)
     return _unchanged(scene) and frame in _live.seen and not goes_on(gap)
 
 
 def revisited() -> bool:
-    """Return whether the skins are shown as they were, while their paths are elsewhere."""
+    """Return whether the shown skins are of another frame than their paths."""
     return _live.frame != _live.end
 
 
@@ -141,7 +156,7 @@ def failure() -> str:
 
 
 def on_frame(scene: bpy.types.Scene, sample: Any = None) -> Iterator[None]:
-    """Take in the new frame, after every frame change in the window; yield after each finger."""
+    """Solve the frame after a frame change in the window; yield after each finger."""
     if scene != bpy.context.scene or not any_solved(scene) or not scene.dermis.live_preview:
         return
     result = store.current(scene)
@@ -150,7 +165,7 @@ def on_frame(scene: bpy.types.Scene, sample: Any = None) -> Iterator[None]:
         return
     try:
         yield from _solved(bpy.context, sample)
-    except Exception as error:  # a defect of ours must be seen, but not once a frame in the console
+    except Exception as error:  # a defect of the add-on must be seen, but not in the console at every frame
         text = f"{type(error).__name__}: {error}"
         if text != _live.failure:
             traceback.print_exc()
@@ -158,17 +173,20 @@ def on_frame(scene: bpy.types.Scene, sample: Any = None) -> Iterator[None]:
 
 
 def step(context: bpy.types.Context, sample: Any = None) -> tuple[SkinState, ...]:
-    """Solve the scene as it is evaluated now, from the frame before or from rest, and return the skins.
+    """Solve the scene as it is evaluated now, and return the skins.
 
     Args:
-        sample: the scene as `scene_sweep.sample_now` gives it, where somebody has just taken it.
+        sample: a sample of the scene by `scene_sweep.sample_now`; if None, it is taken here.
     """
     deque(_solved(context, sample), maxlen=0)
     return _live.states
 
 
 def _solved(context: bpy.types.Context, sample: Any) -> Iterator[None]:
-    """Solve the scene, yield after each finger; who does not come back leaves each finger as it was before."""
+    """Solve the scene; yield after each finger.
+
+    If the generator is not run to its end, the next call first restores the paths that it had changed.
+    """
     scene = context.scene
     frame = moment.frame_of(scene)
     for path in _live.undone:
@@ -214,12 +232,15 @@ def reset() -> None:
 
 
 def _is_solved(shown: bool, presets: Iterable[str]) -> bool:
-    """Return whether a skin is solved: also where it is hidden and a device follows it."""
+    """Return whether a skin is solved: it is shown, or a device follows it."""
     return shown or any(active_presets.follows_skin(preset) for preset in presets)
 
 
 def _waits() -> bool:
-    """Return whether a skin, or a table of it, is being made: then the same frame is solved anew now and then."""
+    """Return whether a skin, or a table of it, is missing so far.
+
+    The same frame is then solved again.
+    """
     return any(state.model is None or state.waits for state in _live.states)
 
 
@@ -244,7 +265,11 @@ def _holds(scene: bpy.types.Scene, frame: float) -> bool:
 
 
 def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.contact.posed_scene.PosedScene, bool]:
-    """Pose the scene, and decide whether the history goes on; return whether this is the frame of before, once more."""
+    """Pose the scene, and choose the state from which the paths go on.
+
+    Returns:
+        The posed scene, and whether the last frame is solved once more.
+    """
     names = tuple(b.name for b in sample.bodies)
     signature = (tuple(f.name for f in sample.fingers), names, sample.fps)
     clock = scene_time.Clock(sample.fps, _live.end)
@@ -261,12 +286,12 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.co
             _live.paths, _live.end, _live.first = {}, math.nan, frame
         else:
             _live.since, between = near
-            _live.end = _live.since  # also where the work is left before the frame is done
+            _live.end = _live.since  # set now, in case the work is left before the frame is solved
             _live.paths, _live.first = {name: path for name, (path, _) in between.paths.items()}, between.first
             for path, state in between.paths.values():
                 path.stepper.restore(state)
             assert posed is not None
-            posed.take(between.chunk)  # the fingers come from it
+            posed.take(between.chunk)  # the fingers move on from this sample
     if posed is None or not same:
         posed = core.contact.posed_scene.PosedScene(sample.bodies, [may_deform(name) for name in names])
     _live.generation, _live.scene, _live.signature, _live.posed = (
@@ -280,7 +305,10 @@ def _prepare(scene: bpy.types.Scene, sample: Any, frame: float) -> tuple[core.co
 
 
 def may_deform(name: str) -> bool:
-    """Return whether an object's surface may be another at another frame: friction is then carried by its faces."""
+    """Return whether an object's surface may change from frame to frame.
+
+    Its faces then carry the anchors of friction.
+    """
     obj = bpy.data.objects.get(name.split(" @ ")[0])
     if obj is None or obj.type != "MESH":
         return True
@@ -290,7 +318,7 @@ def may_deform(name: str) -> bool:
 def _solve(
     f: int, finger: Any, posed: core.contact.posed_scene.PosedScene, frame: float, again: bool
 ) -> Generator[None, None, SkinState]:
-    """Return the skin of a finger; slow work is done aside, see `loading`."""
+    """Return the skin of a finger; slow work runs in a thread, see `loading`."""
     where = f"finger '{finger.name}'"
     level = str(finger.parameters["skin_level"])
     try:
@@ -310,7 +338,7 @@ def _solve(
     path.before = path.stepper.save()
     _live.undone.append(path)
     stepped = _stepped(path.stepper, coarse=moment.passing())
-    # a jump is walked to from rest, in steps that together take longer than a view may wait
+    # A new path or a jump is solved in several steps, which together take longer than a view may wait.
     walked = begun or not (again or goes_on(scene_time.clock(bpy.context.scene, _live.end).seconds(frame)))
     step = (yield from loading.aside(stepped)) if walked else stepped()
     note = origin(_live.first, _live.since, begins=frame == _live.first)
@@ -338,13 +366,16 @@ def _stepped(stepper: core.contact.skin_stepper.SkinStepper, *, coarse: bool) ->
 def _path_of(
     f: int, finger: Any, model: Any, posed: core.contact.posed_scene.PosedScene
 ) -> Generator[None, None, _FingerPath]:
-    """Return the way of a finger; a new one is begun aside, since the skin's stiffness is looked at."""
+    """Return the path of a finger; a new one is begun in a thread.
+
+    Its stepper needs the skin's stiffness, which may take long.
+    """
     p = finger.parameters
-    # a smooth skin whose table has been made since begins a new path
+    # the path begins anew once the table of a smooth skin has been made
     waits, skin = skin_models.wants_pad(p), (model.key, model.tissue, model.material)
     key = (skin, p["depth_mode"], p["bone_stiffness"], p["force_limit"], p["contact"], waits)
     path = _live.paths.get(finger.name)
-    if path is not None and path.key != key:  # the seen frames are of another skin
+    if path is not None and path.key != key:  # the kept frames and states are of another skin
         _live.seen.clear()
         _live.kept.clear()
     if path is None or path.key != key:

@@ -1,10 +1,11 @@
-"""The motion of thimbles and the skin that they render now: followed live, or played again from a bake.
+"""The motion of thimbles and the skin that they render, live or from a bake.
 
-Six legs that are searched for a pose are followed alike.
+Devices of six legs whose pose is searched are treated in the same way.
 
-Live, a thimble follows the skin that `skin_preview` solves, one search a frame, from wherever that came from: the frame
-before, a state that was kept, or rest; a change within a frame searches it anew. From a bake, the servo angles are
-replayed on the skin, with friction's memory, so that the view shows the effect of the track.
+Live, a thimble follows the skin that `skin_preview` solves, with one search a frame. The search starts from the frame
+before, from a kept state, or from rest. A change within a frame repeats that frame's search from the same start. From a
+bake, the servo angles are replayed on the skin, with the history of friction, so that the view shows the effect of the
+track.
 """
 
 from __future__ import annotations
@@ -28,23 +29,23 @@ from .skin_state import SkinState
 
 @dataclass
 class _FingerPath:
-    """One finger's thimble on its way through the frames."""
+    """State of one finger's thimble, carried from frame to frame."""
 
     key: tuple[Any, ...]
     follower: Any = None
     use: Any = None
     frame: float = 0.0
     target: Any = None  # the `SkinState` that was followed last
-    before: Any = None  # the state before the last step
+    before: Any = None  # the follower's state before the last step
     rendered: Any = None  # the engine's `ThimbleFrame`
-    asked: tuple[Any, ...] = ()  # preset, edits and lineage when it was asked for last: for the same, `key` is the same
-    refused: tuple[Any, ...] = ()  # the same, when it could not be prepared: until something changes
-    waits_at: Any = None  # the `SkinState` at which it waited for its tables
-    edits: int = -1  # of `changes`, for which the next two hold
+    asked: tuple[Any, ...] = ()  # preset, edits and lineage at the last query; while they are the same, so is `key`
+    refused: tuple[Any, ...] = ()  # value of `asked` when preparing failed; not tried again until it changes
+    waits_at: Any = None  # the `SkinState` at which it waited for its tables or could not be prepared
+    edits: int = -1  # `changes.edits()` for which `seen` and `kept` hold
     seen: core.recent.Recent[float, Any] = field(default_factory=lambda: core.recent.Recent(skin_preview.SEEN))
     kept: KeptStates[Any] = field(default_factory=KeptStates)
     error: str = ""
-    undone: bool = False  # a step was left under way: the way goes back to the state before it
+    undone: bool = False  # the last step was not finished: the next one starts from `before`
 
 
 class _Played(NamedTuple):
@@ -62,7 +63,10 @@ _states: dict[str, tuple[Any, Any, SkinState]] = {}
 
 
 def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[SkinState, ...]:
-    """Return, for every touched skin that wears a thimble, the skin as the thimble renders it at this frame."""
+    """Return the skins as thimbles render them at this frame.
+
+    There is one for every touched skin that wears a thimble.
+    """
     if not scene.dermis.thimble_view.split:
         return ()
     out = []
@@ -81,7 +85,7 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 
 
 def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
-    """Return the rows of the thimbles of fingers whose skin is shown at the current frame, without a bake."""
+    """Return the rows of thimbles that follow a live skin at this frame."""
     rows = []
     for target, obj, device, spec in followers.searched_of(scene, skins):
         if target.source != "live":
@@ -102,7 +106,7 @@ def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, 
 
 
 def prepare(scene: bpy.types.Scene, target: SkinState) -> Iterator[None]:
-    """Let a finger's thimble follow the skin of the current frame; yield while that takes long."""
+    """Let a finger's thimble follow the skin of this frame; yield meanwhile."""
     for skin, obj, device, _ in followers.searched_of(scene, (target,)):
         if skin.source == "live":
             yield from _followed(scene, skin, obj, device)
@@ -111,7 +115,8 @@ def prepare(scene: bpy.types.Scene, target: SkinState) -> Iterator[None]:
 def follow(scene: bpy.types.Scene, target: SkinState, obj: bpy.types.Object, device: Any) -> _FingerPath:
     """Let a finger's thimble follow the skin of the current frame, once.
 
-    If `prepare` found it waiting at this skin, it waits here too: rows and rendered skins of one moment agree.
+    If `prepare` found at this skin that the thimble has to wait, nothing is tried here: rows and rendered skins of one
+    moment then agree.
     """
     path = _paths.get(target.finger)
     if path is None or path.waits_at is not target or path.asked != _asked(device):
@@ -143,7 +148,7 @@ def _followed(
         path.target, path.rendered, path.error = target, path.seen[frame], ""
         return path
     if path.follower is None:
-        if path.refused == asked:  # asked once more, it would be prepared anew, and say so in place of the reason
+        if path.refused == asked:  # another try would prepare it anew, and its message would replace the reason
             return path
         try:
             path.error = thimble_devices.waits(obj, device, model)
@@ -162,7 +167,7 @@ def _followed(
         path.undone = True
         if goes_on(clock.duration(frame - path.frame)):
             _step(path, target, frame, clock)
-        else:  # far from where it was
+        else:  # a step after a jump in time runs in a thread
             yield from loading.aside(lambda: _step(path, target, frame, clock))
         path.undone = False
         path.seen[frame] = path.rendered
@@ -178,13 +183,13 @@ def _asked(device: Any) -> tuple[Any, ...]:
 
 
 def failure(finger: str) -> str:
-    """Return why a finger's thimble does nothing, or ''."""
+    """Return why a finger's thimble does nothing, '' if it works."""
     path = _paths.get(finger)
     return path.error if path is not None else ""
 
 
 def reset() -> None:
-    """Forget every way through the frames."""
+    """Forget the states of all thimbles, live and replayed."""
     for kept in (_paths, _played, _states, _settings):
         kept.clear()
 
@@ -207,7 +212,7 @@ def _step(path: _FingerPath, target: SkinState, frame: float, clock: scene_time.
             matching.change = path.use.device.servo_speed * gap
         else:
             matching.reset()
-            matching.change = None  # the first frame shows where it would be, not the way there
+            matching.change = None  # no limit of speed: the first frame shows the pose, not the motion to it
     path.before = matching.save()
     with skin_models.one_thread():
         path.rendered, path.error = path.follower.step(target.force, target.amounts), ""
@@ -258,7 +263,7 @@ def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any, kind: s
 
 
 def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
-    """Return a finger's baked track as something to play on its skin."""
+    """Return a finger's baked track with a replay on its skin, None without one."""
     played = _played.get(target.finger)
     if played is not None and played.result is result:
         return played
@@ -277,7 +282,7 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
             x = replay.configurations(output.track, calibrated)
             track_on_skin = replay.Replay(calibrated, model, friction, x)
     except DermisError:
-        return None  # a track of other channels: the twin and its values are shown all the same
+        return None  # a track of other channels; the twin and its values are shown all the same
     _played[target.finger] = _Played(result, output, track_on_skin)
     return _played[target.finger]
 
@@ -285,7 +290,7 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
 def _state(
     target: SkinState, kind: str, solution: Any, contact: Any, mismatch: float, whole: float | None
 ) -> SkinState:
-    """Return the skin under the disc of a kind of device in the place of the target."""
+    """Return the target's skin as it is under the disc of a device of a kind."""
     force, cone = contact.nodal(solution), core.contact.solver.cone
     total = force.sum(axis=0)
     normal = solution.pose.normal

@@ -1,8 +1,9 @@
-"""The calibration that is being driven and edited: zero, gain and limits of each actuator, tried out under way.
+"""The calibration in use: zero, gain and limits of each actuator.
 
-The list in the panel is a working copy of one built device's file (`built_devices`), kept in the scene so that undo
-knows it. A list that another session left in a .blend is nobody's: `calibration_offers` has it, and it drives nothing.
-Nothing here knows of a link: whoever changes the list under way passes it on with `session.changed`.
+The list in the panel is a working copy of one built device's file (`built_devices`). It is in the scene so that undo
+includes it, and it may be edited while the device is driven. A list that another session left in a .blend has no
+owner: it is an offer (`calibration_offers`), and drives nothing. This module knows no link: a caller that changes the
+list passes it on with `session.changed`.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows
 
 @dataclass(frozen=True)
 class _Before:
-    """The state that a calibration in progress goes back to."""
+    """The state that cancelling a calibration brings back."""
 
     mode: str
     of: str
@@ -37,22 +38,23 @@ class _Before:
 
 
 _before: dict[int, _Before] = {}  # by session uid of the scene
-_loose: dict[str, str] = {}  # owner -> file, of tracks whose finger is not in the scene; for this session
+_loose: dict[str, str] = {}  # owner -> file, for tracks whose finger is not in the scene; for this session
 
 
 def calibration_of(scene: bpy.types.Scene, key: str) -> Any:
     """Return the calibration that the list holds.
 
     Raises:
-        DermisError: a number that cannot be.
+        DermisError: a number is not valid.
     """
     return calibration(key, _listed(scene))
 
 
 def fill_channels(scene: bpy.types.Scene) -> None:
-    """List the actuators of the finger's device that the settings speak of, calibrated as the one that it wears.
+    """List the actuators of the device that the settings name.
 
-    Unsaved changes for another finger's device are put by, and come back with it.
+    They get the calibration of the built device that the finger wears. Unsaved changes for another finger's device go
+    to the shelf, and come back with that device.
 
     Raises:
         DermisError: there is no device, or the calibration that was chosen for it cannot be read.
@@ -78,7 +80,10 @@ def fill_channels(scene: bpy.types.Scene) -> None:
 
 
 def owner_shown(scene: bpy.types.Scene) -> str:
-    """Return the owner of the list, or who will be that at connecting, '' for nobody yet. Writes nothing."""
+    """Return the owner of the list, or its owner after connecting.
+
+    '' if there is none yet. Writes nothing.
+    """
     settings = scene.dermis_stream
     if calibration_offers.is_ours(settings) and settings.channels_owner:
         return str(settings.channels_owner)
@@ -89,7 +94,9 @@ def owner_shown(scene: bpy.types.Scene) -> str:
 
 
 def worn_by(scene: bpy.types.Scene) -> Any:
-    """Return the built device that the list is of, or will be at connecting; None for none. Writes nothing.
+    """Return the built device of the list, or of the list after connecting.
+
+    None if there is none. Writes nothing.
 
     Raises:
         DermisError: its file is gone or cannot be read.
@@ -101,7 +108,9 @@ def worn_by(scene: bpy.types.Scene) -> Any:
 
 
 def choice(owner: str) -> str | None:
-    """Return the file of the built device that an owner of a list wears; '' for none, None if nobody ever chose.
+    """Return the file of the built device that an owner of a list wears.
+
+    '' if the choice was to wear none; None if nobody ever chose.
 
     Raises:
         DermisError: the table of choices cannot be read.
@@ -111,12 +120,13 @@ def choice(owner: str) -> str | None:
 
 
 def use(scene: bpy.types.Scene, file: str) -> None:
-    """Put a built device on the finger, or none (''): it is calibrated so from now on, and that is remembered.
+    """Put a built device on the finger, or none (''), and remember the choice.
 
-    Unsaved changes go to the offers. A running sender hears of it by `session.changed`.
+    The list takes its calibration, and unsaved changes go to the offers. `session.changed` passes the list on to a
+    running sender.
 
     Raises:
-        DermisError: there is no device, it is another preset's, or a file cannot be read or written.
+        DermisError: there is no device, the built device is of another preset, or a file cannot be read or written.
     """
     calibration_offers.adopt(scene)
     owner, name, key = _subject(scene)
@@ -130,7 +140,10 @@ def use(scene: bpy.types.Scene, file: str) -> None:
 
 
 def unsaved(scene: bpy.types.Scene) -> bool:
-    """Return whether the list says something else than the file of the device that it is of. Reads no file anew."""
+    """Return whether the list differs from the file of its built device.
+
+    A file that was read before is not read again.
+    """
     with suppress(DermisError):
         file = scene.dermis_stream.channels_file
         return not same(_listed(scene), built_devices.device(file).made if file else None)
@@ -138,10 +151,12 @@ def unsaved(scene: bpy.types.Scene) -> bool:
 
 
 def keep(scene: bpy.types.Scene, name: str, serial: str) -> Any:
-    """Save the list as the calibration of a built device, and put that on the finger; return the device.
+    """Save the list as the calibration of a built device; return the device.
+
+    The finger wears this device from then on.
 
     Raises:
-        DermisError: a number, name or serial that cannot be, or the file cannot be written.
+        DermisError: a number, the name or the serial is not valid, or the file cannot be written.
     """
     fill_channels(scene)
     settings = scene.dermis_stream
@@ -158,7 +173,7 @@ def keep(scene: bpy.types.Scene, name: str, serial: str) -> Any:
 
 
 def begin_calibration(scene: bpy.types.Scene) -> None:
-    """Remember the calibration, so that cancelling brings it back, and turn to moving by hand."""
+    """Remember the calibration for cancelling, and set the mode to jog."""
     settings = scene.dermis_stream
     calibration_offers.adopt(scene)
     with suppress(DermisError):  # without a device there is nothing to list
@@ -177,7 +192,10 @@ def calibrating(scene: bpy.types.Scene) -> bool:
 
 
 def cancel_calibration(scene: bpy.types.Scene) -> None:
-    """Bring back the state before the scene's calibration began; `session.changed` blends a device back to it."""
+    """Bring back the state before the scene's calibration began.
+
+    `session.changed` lets the device blend back to it.
+    """
     before = _before.pop(scene.session_uid, None)
     if before is None:
         return
@@ -193,17 +211,17 @@ def cancel_calibration(scene: bpy.types.Scene) -> None:
 
 
 def forget() -> None:
-    """Forget calibrations that were begun: another file is opened."""
+    """Forget calibrations that were begun, because another file is opened."""
     _before.clear()
     _loose.clear()
     built_devices.refresh()
 
 
 def export(scene: bpy.types.Scene, path: Path) -> None:
-    """Write the list to a file anywhere, with name and serial of the device that it is of.
+    """Write the list to any file, with name and serial of its built device.
 
     Raises:
-        DermisError: there is no device, a number that cannot be, or the file cannot be written.
+        DermisError: there is no device, a number is not valid, or the file cannot be written.
     """
     fill_channels(scene)
     made, worn = calibration_of(scene, scene.dermis_stream.channels_owner.rpartition(": ")[2]), worn_by(scene)
@@ -211,7 +229,9 @@ def export(scene: bpy.types.Scene, path: Path) -> None:
 
 
 def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
-    """Read a calibration from a file anywhere into the list; it is unsaved there. Return findings.
+    """Read a calibration from any file into the list; return findings.
+
+    The list is then unsaved.
 
     Raises:
         DermisError: the file cannot be read, or is for another device.
@@ -227,10 +247,10 @@ def load(scene: bpy.types.Scene, path: Path) -> tuple[Any, ...]:
 
 
 def retract(scene: bpy.types.Scene) -> None:
-    """Put every actuator's position by hand to the safe pose.
+    """Set every actuator's jog position to that in the safe pose.
 
     Raises:
-        DermisError: there is no device, or its safe state is none.
+        DermisError: there is no device, or its safe state is not valid.
     """
     fill_channels(scene)
     settings = scene.dermis_stream
@@ -241,7 +261,10 @@ def retract(scene: bpy.types.Scene) -> None:
 
 
 def _subject(scene: bpy.types.Scene, *, give: bool = True) -> tuple[str, str, str]:
-    """Return whose list is wanted ('identity: preset'), that for people ('finger: preset'), and the preset."""
+    """Return the wanted list's owner, the owner's name, and the preset.
+
+    The owner is 'identity: preset', and the name for people is 'finger: preset'.
+    """
     key = streamed_track.device_key(scene)
     if scene.dermis_stream.track_file:
         finger = str(streamed_track.load_file(scene).meta.get("finger", ""))
@@ -257,7 +280,7 @@ def _subject(scene: bpy.types.Scene, *, give: bool = True) -> tuple[str, str, st
 
 
 def _of_track(scene: bpy.types.Scene, finger: str) -> bpy.types.Object | None:
-    """Return the finger that a track's file names, also where it was renamed since the file was written."""
+    """Return the finger that a track's file names, even if it was renamed since."""
     obj = identity.named(scene, finger)
     if obj is not None and obj.dermis.role == "FINGER":
         return obj
@@ -280,13 +303,16 @@ def _listed(scene: bpy.types.Scene) -> Rows:
 
 
 def _by_hand(scene: bpy.types.Scene, rows: Rows) -> Rows:
-    """Return rows with the actuators where they are by hand."""
+    """Return rows with the jog positions of the current list."""
     jog = {row["name"]: row["jog"] for row in _listed(scene)}
     return [{**row, "jog": jog.get(row["name"], row["jog"])} for row in rows]
 
 
 def _put_by(scene: bpy.types.Scene, owner: str) -> None:
-    """Put an unsaved list by, before another list takes its place: a draft of its owner's, or an offer."""
+    """Put an unsaved list on the shelf before another list takes its place.
+
+    It becomes a draft of its owner if the next list has another owner, else an offer.
+    """
     settings = scene.dermis_stream
     again = settings.channels_owner == owner
     if settings.channels_owner and unsaved(scene) and (not again or any(map(calibrated, _listed(scene)))):

@@ -1,6 +1,7 @@
-"""Blender's side of streaming: one sender process, a timer that gives it signs of life, and the status it reports.
+"""Blender's side of streaming: one sender process and its reported status.
 
-Nothing here waits, nothing connects by itself, and everything ends with the file, the add-on and Blender.
+A timer sends heartbeats to the sender. No function here waits for a device, and nothing connects by itself. The stream
+ends when the file is closed, when the add-on is disabled, and when Blender ends.
 """
 
 from __future__ import annotations
@@ -25,23 +26,23 @@ from . import (
     streamed_track,
 )
 
-HEARTBEAT = 0.02  # between two signs of life [s]
-STILL = frozenset({"V", "Hz"})  # units of actuators that nothing moves
-REDRAW = 5  # heartbeats between two redraws of the panel
+HEARTBEAT = 0.02  # [s] between two heartbeats
+STILL = frozenset({"V", "Hz"})  # units of actuators that have no position
+REDRAW = 5  # number of heartbeats between two redraws of the panel
 
 _client: Any = None
 _scene = 0  # session uid of the scene that streams
 _preset = ""  # key of the device that is connected
 _status: dict[str, Any] = {}
-_note = ""  # the message of Blender's side, beside the sender's
-_leaving = ""  # remaining work of senders that were let go
+_note = ""  # the message of Blender's side; the sender has its own
+_leaving = ""  # in words, the remaining work of closed senders
 _published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last heartbeat
-_mode = ""  # at the last heartbeat
+_mode = ""  # the scene's mode at the last heartbeat
 _heartbeats = 0
-_restored = False  # undo or redo has brought other settings, and the sender has not heard of them
+_restored = False  # undo or redo has changed settings, and the sender does not have them yet
 _ports: list[tuple[str, str]] = []
 _boards: dict[str, str] = {}  # addresses of paired boards, by name
-_cautions: dict[str, str] = {}  # by protocol
+_cautions: dict[str, str] = {}  # warnings, by protocol
 
 
 def connected() -> bool:
@@ -55,7 +56,7 @@ def streams(scene: bpy.types.Scene) -> bool:
 
 
 def elsewhere(scene: bpy.types.Scene) -> str:
-    """Return in words that another scene is connected, '' where none or this one is."""
+    """Return a sentence if another scene than this one is connected, else ''."""
     other = _streaming_scene() if _client is not None and not streams(scene) else None
     if other is None:
         return ""
@@ -63,14 +64,17 @@ def elsewhere(scene: bpy.types.Scene) -> str:
 
 
 def caution(scene: bpy.types.Scene) -> str:
-    """Return the warning about the scene's board: the connected one's own, before that its protocol's; '' for none."""
+    """Return the warning about the scene's board, '' for none.
+
+    It is the connected board's own warning; before that is known, the warning of its protocol.
+    """
     if streams(scene) and "caution" in _status:
         return str(_status["caution"])
     protocol = scene.dermis_stream.protocol
     if protocol not in _cautions:
         read = loading.value(("caution", protocol), lambda: _caution(protocol))
         if read is None:
-            return ""  # for a moment: panels do not wait until the protocols are read
+            return ""  # a panel does not wait until the protocols are read
         _cautions[protocol] = read[0]
     return _cautions[protocol]
 
@@ -87,7 +91,7 @@ def silence() -> str:
 
 
 def status() -> dict[str, Any]:
-    """Return how things stood at the last heartbeat; never asks anybody."""
+    """Return the status at the last heartbeat; send no query."""
     return _status or {"state": core.stream.state.State.DISCONNECTED, "message": "", "armed": False}
 
 
@@ -105,25 +109,28 @@ def read_pairs() -> None:
     """Read which boards are paired with this computer.
 
     Raises:
-        DermisError: the file is none of keys.
+        DermisError: the file is not a file of keys.
     """
     global _boards
     _boards = core.stream.protocols.pairs.addresses()
 
 
 def rescan() -> int:
-    """Look for serial ports; return how many there are. Takes up to seconds: for a button, never for drawing."""
+    """Look for serial ports; return their number.
+
+    This may take seconds, so a button may call it, but no drawing.
+    """
     global _ports
     _ports = core.stream.links.serial_port.ports()
     return len(_ports)
 
 
 def connect(scene: bpy.types.Scene) -> None:
-    """Start a sender and let it connect. Nothing is armed by this.
+    """Start a sender and let it connect; arm nothing.
 
     Raises:
-        DermisError: files of the .blend that were not confirmed, no device, a setting that cannot be, or the process
-            cannot be started.
+        DermisError: a file that the .blend names was not confirmed; there is no device; a setting is not valid; or the
+            process cannot be started.
     """
     global _client, _preset, _scene, _status
     settings = scene.dermis_stream
@@ -151,9 +158,9 @@ def connect(scene: bpy.types.Scene) -> None:
 
 
 def close() -> None:
-    """Stop, disconnect and end the sender, which may outlive this for as long as the way to the safe state takes.
+    """Stop, disconnect and end the sender.
 
-    Safe to call at any time.
+    Its process may go on until the device has reached its safe state. The function may be called at any time.
     """
     global _client, _leaving, _note, _published, _restored, _status
     client, _client = _client, None
@@ -168,12 +175,18 @@ def close() -> None:
 
 
 def leaving() -> str:
-    """Return the work left to senders that were let go, at the last heartbeat, '' if all have ended; asks nobody."""
+    """Return in words the work that closed senders have left, '' if all ended.
+
+    It is the work at the last heartbeat; no query is sent.
+    """
     return _leaving
 
 
 def pose_unknown() -> bool:
-    """Return whether arming may start with a jump: something moves, and the device has not said where it is."""
+    """Return whether arming may start with a jump.
+
+    It may if an actuator has a position and the device's pose is not known.
+    """
     now = status()
     return not now.get("pose_known") and any(unit not in STILL for unit in now.get("units", ()))
 
@@ -186,15 +199,15 @@ def plays_bake(scene: bpy.types.Scene) -> bool:
 
 
 def arm(scene: bpy.types.Scene, *, fingers_out: bool = False) -> None:
-    """Let the device move, because a person asked for it.
+    """Let the device move, at a person's request.
 
     Args:
-        fingers_out: a person has said so; needed where the device does not know where its motors are.
+        fingers_out: a person has confirmed that the fingers are out; needed if the device's pose is not known.
 
     Raises:
-        DermisError: nothing is connected, or another scene is; something steps through the frames; the device is not
-            ready; the track or the calibration is of another one; or the first pulse may jump and nobody has said that
-            the fingers are out.
+        DermisError: nothing is connected, or another scene is; a bake or a render steps through the frames; the device
+            is not ready; the track or the calibration is of another device; or the first pulse may cause a jump and
+            nobody has confirmed that the fingers are out.
     """
     if _client is None:
         raise DermisError("not connected", remedy="Connect first")
@@ -229,7 +242,7 @@ def disarm() -> None:
 
 
 def stop() -> None:
-    """Safe state, now."""
+    """Bring the device to its safe state at once."""
     if _client is not None:
         _client.stop()
 
@@ -252,7 +265,10 @@ def changed() -> None:
 
 
 def _check_preset(scene: bpy.types.Scene) -> None:
-    """Refuse a choice of another kind of device than the one that is connected, which is disarmed."""
+    """Refuse a choice of another device preset than the connected one.
+
+    The connected device is then disarmed.
+    """
     key = streamed_track.device_key(scene)
     if key != _preset:
         disarm()
@@ -266,9 +282,10 @@ def _check_preset(scene: bpy.types.Scene) -> None:
 
 
 def heartbeat() -> None:
-    """Give a sign of life with the frame that Blender shows; read the status.
+    """Send a heartbeat with the frame that Blender shows; read the status.
 
-    While something steps through the frames, the last published time and values hold: nobody plays then or scrubs.
+    While a bake or a render steps through the frames, the last published time and values are sent again: nobody plays
+    or scrubs then.
     """
     global _leaving, _mode, _published, _restored, _status
     if _leaving:
@@ -290,7 +307,7 @@ def heartbeat() -> None:
     playing = False
     if not frame_hold.held():
         if streamed_track.outdated(scene):
-            changed()  # before the time is taken: it counts from the start of the track that the sender has
+            changed()  # first: the time below counts from the start of the track that the sender has
         windows = bpy.context.window_manager.windows
         playing = any(w.screen.is_animation_playing and compat.shows(w, scene) for w in windows)
         _published = request_fields.published(scene, _status.get("names", ()))
@@ -300,7 +317,7 @@ def heartbeat() -> None:
     _status = _client.status()
     calibrated_as = scene.dermis_stream.channels_file
     met = board_identity.meet(scene, _status)
-    if scene.dermis_stream.channels_file != calibrated_as:  # as the device that answered
+    if scene.dermis_stream.channels_file != calibrated_as:  # the list is now calibrated as the device that answered
         changed()
     if _status["armed"] and board_identity.is_another(scene):
         _client.disarm()
@@ -310,9 +327,10 @@ def heartbeat() -> None:
 
 
 def _take_back(scene: bpy.types.Scene) -> None:
-    """Pass on the settings that undo brought back: the device blends over to those that the panel now shows.
+    """Pass on the settings that undo or redo restored.
 
-    From another mode back to moving by hand it goes to its safe state instead: the positions are from some time ago.
+    The device blends over to them. If they change the mode of an armed device to jog, it goes to its safe state
+    instead, because the restored positions are old.
     """
     global _note
     turned = _status.get("armed") and scene.dermis_stream.mode == "jog" != _mode
@@ -329,23 +347,27 @@ def _streaming_scene() -> bpy.types.Scene | None:
 
 
 def restored() -> None:
-    """Take note that undo or redo has brought other settings back: the next heartbeat passes them on.
+    """Note that undo or redo has restored settings.
 
-    A change made in Blender's handler belongs to no step of undo, and the restored scene is not evaluated yet.
+    The next heartbeat passes them on, not this function: a change made in Blender's handler belongs to no step of undo,
+    and the restored scene is not evaluated yet.
     """
     global _restored
     _restored = _client is not None
 
 
 def end() -> None:
-    """Close the sender and forget its state: another file is opened, or the add-on goes."""
+    """Close the sender and forget its state.
+
+    Called when another file is opened and when the add-on is disabled.
+    """
     close()
     streamed_track.forget(files=True)
     device_calibration.forget()
 
 
 def end_timer() -> None:
-    """Give no more signs of life, nor look after senders that were let go."""
+    """Send no more heartbeats, and stop watching closed senders."""
     global _leaving
     _leaving = ""
     if bpy.app.timers.is_registered(_on_timer):

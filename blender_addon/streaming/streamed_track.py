@@ -1,4 +1,7 @@
-"""The streamed device and its track: those that the settings name, from the bake or from a file."""
+"""The device to stream to and its track, as the settings name them.
+
+The track is from the bake or from a file.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +24,10 @@ from .calibration_rows import quietly
 
 
 class _Sent(NamedTuple):
-    """The baked track that the sender has: it starts where its own bake did, whatever has been baked since."""
+    """The baked track that the sender has, with the clock of its own bake.
+
+    A later bake does not change this clock.
+    """
 
     track: Any
     scene: int  # session uid
@@ -33,9 +39,9 @@ class Choice(NamedTuple):
     """A device that can be streamed to.
 
     Attributes:
-        device: the identities; empty ones where nobody has asked for them yet. place: of its finger.
-        finger, preset: the finger's name, and the preset's key. label: for people, 'finger: device', no two alike.
-        nth: of the devices of this preset on this finger. output: its track of the bake, None without one.
+        device: identities of the finger and of the device, '' if not given yet. place: place of its finger.
+        finger, preset: name of the finger, and key of the preset. label: unique text for people, 'finger: device'.
+        nth: index among the devices of this preset on this finger. output: its output in the bake, None without one.
     """
 
     device: Device
@@ -57,13 +63,16 @@ class _Pinned(NamedTuple):
 _choices: tuple[Any, Any, tuple[Choice, ...]] = (None, (), ())  # the result, its key, and the choices
 _pinned: _Pinned | None = None
 _files: list[Path] = []
-_file_track: Any = None  # of `track_file`: (path, CommandTrack)
+_file_track: Any = None  # the track of `track_file`: ((path, time of its change [ns]), CommandTrack)
 _sent: _Sent | None = None
-_judged: tuple[Any, str] = (None, "")  # a track, and how it disagrees with its preset
+_judged: tuple[Any, str] = (None, "")  # a track, and in words how it disagrees with its preset
 
 
 def choices(scene: bpy.types.Scene) -> tuple[Choice, ...]:
-    """Return every device that can be streamed to: first those with a track, in the order of the bake."""
+    """Return every device that can be streamed to.
+
+    Devices with a baked track come first, in the order of the bake.
+    """
     global _choices
     result = store.current(scene)
     key = (scene.session_uid, changes.ticks(), changes.edits(), identity.revision(), len(bpy.data.objects))
@@ -73,9 +82,10 @@ def choices(scene: bpy.types.Scene) -> tuple[Choice, ...]:
 
 
 def chosen(scene: bpy.types.Scene) -> Choice | None:
-    """Return the device that the settings speak of, whatever its finger is called by now; None where it is gone.
+    """Return the device that the settings name, None if it is gone.
 
-    Where they name none, it is the one that is connected, or else the first.
+    A device with an identity is found even if its finger was renamed. If the settings name no device, the connected
+    one is returned, or the first one if none is connected.
     """
     settings, there = scene.dermis_stream, choices(scene)
     own = _chosen_key(settings)
@@ -89,7 +99,10 @@ def chosen(scene: bpy.types.Scene) -> Choice | None:
 
 
 def choose(scene: bpy.types.Scene) -> None:
-    """Note whose the label is that the settings hold, so that it is still theirs under another name."""
+    """Store the identity of the device whose label the settings hold.
+
+    The settings then still name this device when its finger is renamed.
+    """
     settings = scene.dermis_stream
     choice = next((c for c in choices(scene) if c.label == settings.output), None)
     settings.output_of = ""
@@ -98,7 +111,7 @@ def choose(scene: bpy.types.Scene) -> None:
 
 
 def relabel(scene: bpy.types.Scene) -> None:
-    """Let the settings call the chosen device as its finger is called now."""
+    """Update the settings' label to the current name of the device's finger."""
     choice = chosen(scene) if scene.dermis_stream.output else None
     if choice is not None and choice.label != scene.dermis_stream.output:
         with quietly(scene):
@@ -107,7 +120,10 @@ def relabel(scene: bpy.types.Scene) -> None:
 
 
 def pin(scene: bpy.types.Scene) -> None:
-    """Note which device is connected: from here on it is looked after, see `gone`."""
+    """Note which device is connected, so that `gone` can watch it.
+
+    For a track file nothing is noted.
+    """
     global _pinned
     settings = scene.dermis_stream
     if settings.track_file:
@@ -127,7 +143,7 @@ def unpin() -> None:
 
 
 def gone(scene: bpy.types.Scene) -> str:
-    """Return in words why the connected device is gone from the scene, '' where it is there."""
+    """Return why the connected device is gone from the scene, '' if it is there."""
     global _pinned
     if _pinned is None:
         return ""
@@ -149,7 +165,7 @@ def chosen_output(scene: bpy.types.Scene) -> Any:
 
 
 def device(scene: bpy.types.Scene) -> Choice:
-    """Return the device of the scene that the settings speak of.
+    """Return the device of the scene that the settings name, see `chosen`.
 
     Raises:
         DermisError: there is none.
@@ -175,7 +191,7 @@ def device(scene: bpy.types.Scene) -> Choice:
 
 
 def device_key(scene: bpy.types.Scene) -> str:
-    """Return the device preset that the settings speak of.
+    """Return the key of the preset of the device that the settings name.
 
     Raises:
         DermisError: there is none.
@@ -184,7 +200,7 @@ def device_key(scene: bpy.types.Scene) -> str:
 
 
 def row_of(choice: Choice | None, rows: Sequence[Row]) -> Row | None:
-    """Return the row of a preview that is of a device, None where there is none."""
+    """Return a device's row of a preview, None if it has none."""
     same = [r for r in rows if choice is not None and (r.finger, r.device) == (choice.finger, choice.preset)]
     return same[choice.nth] if choice is not None and choice.nth < len(same) else None
 
@@ -193,7 +209,7 @@ def load_file(scene: bpy.types.Scene) -> Any:
     """Return the command track of the settings' file.
 
     Raises:
-        DermisError: it was not confirmed, or it cannot be read.
+        DermisError: the path was not confirmed, or the file cannot be read.
     """
     global _file_track
     agreed_paths.check(scene.dermis_stream, "track_file")
@@ -205,7 +221,10 @@ def load_file(scene: bpy.types.Scene) -> Any:
 
 
 def track_path(scene: bpy.types.Scene) -> str:
-    """Return a file with the track to be played; the bake's is written anew when it has changed."""
+    """Return the path of a file with the track to be played, '' for none.
+
+    A baked track is written to a new file when it has changed.
+    """
     global _sent
     if scene.dermis_stream.track_file:
         load_file(scene)
@@ -227,7 +246,10 @@ def track_path(scene: bpy.types.Scene) -> str:
 
 
 def outdated(scene: bpy.types.Scene) -> bool:
-    """Return whether the sender has another baked track than the one to be played: one was baked, or forgotten."""
+    """Return whether the sender's baked track is not the one to be played.
+
+    This is so after a new bake, and when a bake was forgotten.
+    """
     if scene.dermis_stream.track_file:
         return False
     mine, output = _sent is not None and _sent.scene == scene.session_uid, chosen_output(scene)
@@ -250,9 +272,10 @@ def loaded() -> Any:
 
 
 def doubts(scene: bpy.types.Scene) -> str:
-    """Return where the track to be played and its device's preset disagree, in words; '' for nowhere.
+    """Return in words how the track to be played disagrees with its preset.
 
-    A track is judged once, and again after `judge_anew`, because panels ask at every redraw.
+    The text is '' if they agree. It is kept until the track changes or `judge_anew` is called, because panels call this
+    function at every redraw.
     """
     global _judged
     if scene.dermis_stream.track_file:
@@ -270,13 +293,17 @@ def doubts(scene: bpy.types.Scene) -> str:
 
 
 def judge_anew() -> None:
-    """Forget how a track agrees with its preset: that may have been edited."""
+    """Forget the last result of `doubts`: the preset may have been edited."""
     global _judged
     _judged = None, ""
 
 
 def forget(*, files: bool = False) -> None:
-    """Remove the files written for the sender; with `files`, forget the loaded track too."""
+    """Remove the files written for the sender.
+
+    Args:
+        files: forget the track that was loaded from a file, too.
+    """
     global _file_track, _sent
     _sent = None
     while _files:
@@ -308,7 +335,7 @@ def _listed(scene: bpy.types.Scene, result: Any) -> tuple[Choice, ...]:
 
 
 def _known(scene: bpy.types.Scene, choice: Choice) -> Choice:
-    """Return a choice whose finger and device have identities."""
+    """Return a choice, with identities given to its finger and device."""
     finger = choice.place.finger(scene)
     if finger is None or all(choice.device):
         return choice
@@ -322,7 +349,10 @@ def _hold(settings: Any, choice: Choice) -> None:
 
 
 def _chosen_key(settings: Any) -> Device | None:
-    """Return whom the label in the settings meant, None where nobody has said."""
+    """Return the identities of the device that the settings' label means.
+
+    None if no identities are stored for this label, see `choose`.
+    """
     finger, _, rest = settings.output_of.partition(" ")
     own, _, label = rest.partition(" ")
     return Device(finger, own) if own and label == settings.output else None

@@ -1,8 +1,8 @@
-"""The cards of devices and skins in the 3D view: which, in which order, and where, so that nothing lies over another.
+"""Cards of devices and skins in the 3D view: choice, order and places.
 
-Devices stand in columns at the left, pads in rows at the right with the legend above them; both in the order of the
-fingers, thumb first. Where there is no room cards are folded to a line, and where not even that fits, a line says so.
-Draws from the frame that `shown` has kept, and changes nothing.
+Cards do not overlap. Devices stand in columns at the left, pads in rows at the right with the legend above them. Both
+are in the order of the fingers, thumb first. Cards without room are folded to a line. If not even the lines fit, one
+line says how many are missing. The module draws from the frame that `shown` has kept, and changes nothing in it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from .skin_shown import Shown
 from .twin import Twin
 
 GAP = 6  # between cards [px at scale 1]
-WIDE, TALL = 0.5, 0.6  # of the view: its width that devices may take, and its height that any cards may
+# Shares of the view: WIDE of its width is the most for devices, TALL of its height is the most for any cards.
+WIDE, TALL = 0.5, 0.6
 SOURCE_COLOURS = {
     "bake": paint.GREEN,
     "live": paint.BLUE,
@@ -32,13 +33,13 @@ SOURCE_COLOURS = {
     "device": paint.GREEN,
     "file": paint.GREEN,
 }
-SLIM = 200  # in a view with less room than that for a device, all are folded [px at scale 1]
-_folded: set[Card] = set()  # by a click, for the session
-_places: dict[int, list[tuple[Box, Card]]] = {}  # of the devices' cards last drawn into a region, in its pixels
+SLIM = 200  # [px at scale 1] in a view with less free width than this, all cards are folded
+_folded: set[Card] = set()  # cards that clicks have folded in this session
+_places: dict[int, list[tuple[Box, Card]]] = {}  # by region: places of its devices' cards drawn last [px]
 
 
 class Card(NamedTuple):
-    """Whose card it is: the scene's session uid, the finger, and the device's title."""
+    """A device's card, by the scene's session uid, the finger and the title."""
 
     scene: int
     finger: str
@@ -46,11 +47,15 @@ class Card(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """Where cards go, in their order.
+    """Places of cards, in the order of the cards [px at scale 1].
+
+    If there are fewer places than cards, the last place is for words that say how many are missing.
 
     Attributes:
-        devices: under a line of words, which comes first. open_devices: how many of them, the line with them, are open.
-        pads: and whether they are open. Fewer places than there are cards: the last is for words that say so.
+        devices: place of the line of words, then those of the devices' cards.
+        open_devices: how many of these places, the line included, are not folded.
+        pads: places of the pads' cards.
+        open_pads: whether the pads' cards are open, not folded.
     """
 
     devices: list[Box]
@@ -59,7 +64,10 @@ class Plan(NamedTuple):
     open_pads: bool
 
     def shown(self, count: int) -> int:
-        """Return how many of so many devices have a place of their own; where not all have, the last is for words."""
+        """Return how many of `count` devices have a place of their own.
+
+        If not all have one, the last place is for words.
+        """
         return count if len(self.devices) > count else max(len(self.devices) - 2, 0)
 
     @classmethod
@@ -74,11 +82,15 @@ class Plan(NamedTuple):
         folded: bool,
         lines: int = 4,
     ) -> Plan:
-        """Plan for devices of these heights and a number of pads [px at scale 1]; all are folded where that is asked.
+        """Plan places for cards of devices and pads, in px at scale 1.
 
-        None instead of heights: not even the line of words. `lines`: of text in the card of a pad.
+        Devices are folded, the last ones first, until they fit. All are folded if open pads do not fit otherwise.
 
-        Devices are folded, the last ones first, until they fit, and all of them where pads would have no room else.
+        Args:
+            heights: of the devices' cards; None leaves out the line of words as well.
+            pads: number of pads.
+            folded: fold all cards.
+            lines: lines of text in a pad's card.
         """
         low = room._replace(height=TALL * room.height)
         width = min(device_cards.WIDTH, room.width)
@@ -100,7 +112,10 @@ class Plan(NamedTuple):
 
 
 def _pads(count: int, sizes: Sequence[tuple[float, float]], room: Box, taken: Sequence[Box]) -> tuple[list[Box], bool]:
-    """Return places for pads in the first of the sizes in which all fit, and whether they are open; else folded."""
+    """Return places for pads, and whether they are open.
+
+    All have the first of the sizes in which all fit. If they fit in none, they are folded to lines.
+    """
     for width, height in sizes:
         places = packing.rows([width] * count, height, room, taken, GAP)
         if len(places) == count:
@@ -110,7 +125,7 @@ def _pads(count: int, sizes: Sequence[tuple[float, float]], room: Box, taken: Se
 
 
 def draw() -> None:
-    """Draw into the current view."""
+    """Draw the cards and the legend into the current view."""
     context = bpy.context
     scene, space = context.scene, context.space_data
     _places.pop(context.region.as_pointer(), None)
@@ -132,7 +147,7 @@ def draw() -> None:
             for i in bone_names.order(tuple(row.finger for row in devices.rows), fingers)
         ]
     pads = bone_names.order(tuple(state.finger for state in skins.states), fingers) if settings.skin_view.maps else ()
-    alone = devices is not None and devices.source == "live" and not skins.states  # else the legend says it
+    alone = devices is not None and devices.source == "live" and not skins.states  # with skins, their legend says it
     said = settings.show_readout and (rows or alone)
     names = [Card(scene.session_uid, row.finger, row.title) for row, _ in rows]
     heights = [
@@ -160,12 +175,12 @@ def _devices(devices: Preview, rows: Sequence[tuple[Row, Twin | None]], plan: Pl
     """Draw the devices' cards under a line that says where their values come from.
 
     Args:
-        late: which other frame they are of; empty where they are of the current one.
+        late: text that names the frame of the values; empty if it is the current frame.
     """
     shown_count = plan.shown(len(rows))
     for i, at in enumerate(place.scaled(scale) for place in plan.devices):
         if i == 0:
-            place = at if rows else at._replace(width=0.0)  # alone it may be as long as it is
+            place = at if rows else at._replace(width=0.0)  # without cards, the line may be as long as its words
             _line(devices.note, place, SOURCE_COLOURS[devices.source], scale)
         elif i > shown_count:
             _missing(len(rows) - shown_count, "device", at, scale)
@@ -178,7 +193,7 @@ def _devices(devices: Preview, rows: Sequence[tuple[Row, Twin | None]], plan: Pl
 
 
 def _skins(skins: Shown, order: Sequence[int], view: Any, plan: Plan, scale: float, late: str) -> None:
-    """Draw a map of each pad, or a line; `late` as for devices."""
+    """Draw a map of each pad, or a line; `late` as in `_devices`."""
     shown_count = len(order) if len(plan.pads) == len(order) else len(plan.pads) - 1
     for i, at in enumerate(place.scaled(scale) for place in plan.pads):
         if i == shown_count:
@@ -194,7 +209,7 @@ def _skins(skins: Shown, order: Sequence[int], view: Any, plan: Plan, scale: flo
 def _legend(
     skins: Shown, view: Any, room: Box, taken: Sequence[Box], pads: Sequence[Box], scale: float, said: str
 ) -> None:
-    """Draw the legend above the pads, without its words where they do not fit."""
+    """Draw the legend above the pads, without its words if they do not fit."""
     bottom = max((at.top + GAP for at in pads), default=room.bottom)
     above = Box(room.left, bottom, room.width, room.top - bottom)
     for full in (True, False):
@@ -230,6 +245,6 @@ def fold_at(context: bpy.types.Context, x: float, y: float) -> bool:
 
 
 def forget() -> None:
-    """Forget which cards are folded, and where they were."""
+    """Forget which cards are folded, and where cards were drawn."""
     _folded.clear()
     _places.clear()

@@ -1,4 +1,7 @@
-"""From a skin's forces to its drawing: deformed vertices, one value at each, and the legend's text about them."""
+"""Drawings of skins: deformed vertices, a value at each, the legend's text.
+
+All of it is computed from the forces on a skin.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +21,8 @@ from .display_surface import DisplaySurface
 
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 SIGNED = frozenset(COMPONENTS)
-NEAR = 2e-3  # to a pressing body, where stress is read under every drawn vertex and not between nodes [m]
-SMALL = 250  # pad nodes of a skin whose map from forces to the drawn surface is kept whole: at most 10 MB
+NEAR = 2e-3  # [m] drawn vertices closer than this to a touched point show the stress below them, not one between nodes
+SMALL = 250  # up to so many pad nodes, the whole map from forces to the drawn surface is kept: at most 10 MB
 
 
 class Quantity(NamedTuple):
@@ -74,10 +77,11 @@ class _Kit:
 
     Attributes:
         surface: the drawn surface. points: its nodes at rest [m], shape (s, 3).
-        averaging: from elements to those nodes, sparse (s, e). pad_rows: which of them may touch.
-        stresses: by the skin's key, from displacement to their stress at E = 1 Pa, sparse (6 s, 3 n).
+        averaging: matrix from elements to those nodes, sparse (s, e). pad_rows: indices of the nodes that may touch.
+        stresses: by the skin's key, matrix from displacement to the nodes' stress at E = 1 Pa, sparse (6 s, 3 n).
         shortcuts: by the skin's key, displacement and stress of the nodes for unit forces; see `_shortcut`.
-        below: by the smooth skin's remainder, stress below the drawn vertices of the pad.
+        below: by the id of the smooth skin's remainder, stress below the drawn vertices of the pad.
+        readings: by the same id, the matrix of `_reading_of`.
     """
 
     surface: DisplaySurface
@@ -94,7 +98,7 @@ _kits: weakref.WeakKeyDictionary[Any, _Kit] = weakref.WeakKeyDictionary()
 
 
 def kit(mesh: Any) -> _Kit:
-    """Return the kit of a mesh, made when it is first asked for."""
+    """Return the kit of a mesh, made at its first use."""
     own = _kits.get(mesh)
     if own is None:
         surface = DisplaySurface.of(mesh)
@@ -104,7 +108,10 @@ def kit(mesh: Any) -> _Kit:
 
 
 def prepare(model: core.skin.model.SkinModel) -> None:
-    """Make all that drawing a skin needs besides its values, so that no view waits for it. Needs nothing of Blender."""
+    """Prepare the tables for drawing a skin, so that no view waits for them.
+
+    The function needs nothing of Blender, so it may run in a thread.
+    """
     own, pad = kit(model.mesh), core.skin.surface_store.smooth_pad(model)
     if model.pad_count <= SMALL:
         _shortcut_of(own, model)
@@ -115,7 +122,10 @@ def prepare(model: core.skin.model.SkinModel) -> None:
 
 
 def learn(state: SkinState, quantity: str) -> Iterator[None]:
-    """Do the work of `draw_of` piece by piece, for a touch in places that are new."""
+    """Compute the stress tables of newly touched places, piece by piece.
+
+    `draw_of` then finds them ready.
+    """
     if state.points is None or not _is_stress(quantity) or not state.force.any():
         return
     own, model, surface = kit(state.model.mesh), state.model, state.points.surface
@@ -126,7 +136,7 @@ def learn(state: SkinState, quantity: str) -> Iterator[None]:
         )
     table = _below_of(own, surface).table
     pieces = table.learn(state.points.cells)
-    while table.unknown(state.points.cells):  # a thread is begun only for new places
+    while table.unknown(state.points.cells):  # a thread is started only for new places
         yield from loading.aside(lambda: next(pieces, None))
 
 
@@ -181,7 +191,7 @@ def _is_stress(quantity: str) -> bool:
 
 
 def _refined(state: SkinState, quantity: str, nodes: _Nodes, positions: Array, normals: Array, values: Array) -> Drawn:
-    """Return the drawing of a touched skin, from its refined surface, which is changed."""
+    """Return the drawing of a touched skin; change `positions` and `values`."""
     nodal = nodes.values
     if _is_stress(quantity) and state.points is not None:
         near, stress = _beneath(nodes.own, state.model.mesh, state.points, nodes.stimulus.more)
@@ -196,7 +206,10 @@ def _refined(state: SkinState, quantity: str, nodes: _Nodes, positions: Array, n
 
 
 def is_light(state: SkinState) -> bool:
-    """Return whether drawing a skin takes under a millisecond: linear, touched at nodes, by a map that is kept."""
+    """Return whether drawing a skin takes less than a millisecond.
+
+    It does for a linear skin that is touched at its nodes and whose map is kept, see `SMALL`.
+    """
     return not state.model.follows_law and state.points is None and state.model.pad_count <= SMALL
 
 
@@ -215,12 +228,13 @@ def _linear(own: _Kit, state: SkinState, quantity: str, stressed: bool) -> tuple
 def _beneath(
     own: _Kit, mesh: Any, points: core.skin.point_forces.PointForces, more: Array | None
 ) -> tuple[NDArray[np.intp], Array]:
-    """Return which drawn vertices are near a contact, and the stress as deep below them as the first receptors lie.
+    """Return the drawn vertices near a contact, and the stress below them.
 
-    An edge is finer than the mesh, whose stress is smeared over its elements; farther off that is right.
+    It is the stress at the depth of the first receptors. An edge is finer than the mesh, whose own stress is smeared
+    over its elements. Farther from a contact, the mesh's stress is right.
 
     Args:
-        more: stress of each element beyond linear skin's, shape (e, 6); None of linear skin.
+        more: stress of each element in addition to that of linear skin, shape (e, 6); None for linear skin.
     """
     from scipy.spatial import cKDTree
 
@@ -266,8 +280,8 @@ def _read(quantity: str, stress: Array) -> Array:
 def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
     """Return displacement (s, 3) and averaged stress (s, 6) of the surface's nodes by one small product.
 
-    Both are linear in the forces, and of all skins but fine ones the whole map is small: a third of the time of going
-    through all elements. Displacement goes with 1 / E; stress for given forces does not depend on E.
+    Both are linear in the forces. For all skins but fine ones the whole map is small, and its product takes a third of
+    the time of a pass over all elements. Displacement goes with 1 / E; stress for given forces does not depend on E.
     """
     table = _shortcut_of(own, model)
     scale = float(np.abs(force).max())
@@ -288,7 +302,7 @@ def _shortcut_of(own: _Kit, model: Any) -> NDArray[np.float32]:
 
 
 def _kept_shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:
-    """Return `_shortcut`, from the skins' cache where it is there."""
+    """Return `_shortcut`, from the skins' cache if it is there."""
     if model.cache is None:
         return _shortcut(own, model)
     store, key = core.skin.store, core.cache.cache_key(model.key, "drawn 1")
@@ -352,7 +366,10 @@ def nice(value: float) -> float:
 
 
 def error_text(states: Sequence[SkinState]) -> str:
-    """Return the legend's word on how far off a frame's skins are: their tissue, and contact by the pressing body."""
+    """Return the legend's text on the errors of a frame's skins.
+
+    It gives the errors of each tissue, and of contact if a skin is pressed.
+    """
     tissues = list(dict.fromkeys(s.tissue for s in states)) or ["linear"]
     said = [_tissue_text(tissue, [s for s in states if s.tissue == tissue]) for tissue in tissues]
     if not any(s.depth > 0.0 for s in states):
@@ -364,7 +381,10 @@ def error_text(states: Sequence[SkinState]) -> str:
 
 
 def _tissue_text(tissue: str, states: Sequence[SkinState]) -> str:
-    """Return how far off a tissue is, where it is pressed deepest."""
+    """Return a text on a tissue's errors where it is pressed deepest.
+
+    If it is not pressed, the text is on presses of 1 and 2 mm.
+    """
     bands, name = core.parameters.error_bands, core.contact.trusted.WORDS[tissue]
     deepest = max(states, key=lambda s: s.depth, default=None)
     if deepest is None or deepest.depth <= 0.0:
@@ -380,7 +400,10 @@ def _tissue_text(tissue: str, states: Sequence[SkinState]) -> str:
 
 
 def _mesh_text(tissue: str) -> str:
-    """Return how far off the stress of tissue that follows the law is for the standard mesh alone."""
+    """Return a text on the error of stress that the standard mesh alone causes.
+
+    '' for linear tissue.
+    """
     bands = core.parameters.error_bands
     if tissue == bands.LINEAR:
         return ""

@@ -1,12 +1,12 @@
-"""The one place that knows where the engine lives.
+"""The engine, as the only module that knows where it is installed.
 
-`core.matching.pins` loads that module when it is first asked for, so that registering the add-on stays light; the
-types that mypy sees are the engine's own.
+`core.matching.pins` loads that module at its first use, so that registering the add-on stays fast. The types that mypy
+sees are the engine's own.
 """
 
 from typing import TYPE_CHECKING
 
-PACKAGE: str = __package__  # of the add-on; the three-part name in an installed extension, and no other will do there
+PACKAGE: str = __package__  # name of the add-on; in an installed extension it has three parts, and no other is valid
 
 if TYPE_CHECKING:
     import core.cache
@@ -129,7 +129,7 @@ else:
     from types import ModuleType
 
     class _Package:
-        """A package of the engine whose modules load when they are first asked for."""
+        """A package of the engine whose modules load at their first use."""
 
         def __init__(self, package: ModuleType) -> None:
             self._package = package

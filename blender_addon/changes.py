@@ -1,9 +1,9 @@
-"""The ledger of what happened to the scene: what changed since the last bake, and numbers that rise with every change.
+"""Record of changes to scenes: changed names since the last bake, and counters.
 
-It only notes things down and, but to ask what an action says, calls nobody, so that whoever declares a property or
-sweeps the frames may write in it.
-`handlers` writes what Blender tells; `results.store` reads whether a bake is out of date, the preview whether its
-history goes on, and whoever keeps something whether it still holds.
+The counters rise with the changes that they count. The module imports nothing but `action_content` and `scene_time`, so
+that modules that declare properties or sweep the frames can import it. `handlers` records the updates that Blender
+reports. `results.store` reads whether a bake is out of date, the preview whether its history goes on, and caches
+whether they still hold.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _RELEVANT = (
 )
 
 _dirty: set[str] = set()
-_expected: set[int] = set()  # by session uid
+_expected: set[int] = set()  # session uids of data whose next change concerns no bake
 _muted = 0
 _generation = 0
 _ticks = 0
@@ -45,29 +45,36 @@ _edits = 0
 _forms = 0
 _clocks: dict[int, tuple[float, ...]] = {}  # by the scene's session uid
 _renames = 0
-_names: tuple[tuple[int, str], ...] = ()  # session uids and names of what takes part, when they were looked at last
+_names: tuple[tuple[int, str], ...] = ()  # session uids and names of objects with a role, at the last check
 
 
 def dirty() -> frozenset[str]:
-    """Return the names of what changed since `clear_dirty`; empty means that a bake made then still holds."""
+    """Return the names of data that changed since `clear_dirty`.
+
+    If there are none, a bake made then still holds.
+    """
     return frozenset(_dirty)
 
 
 def generation() -> int:
-    """Return a number that rises with every undo, redo and loaded file: nothing noted before it holds after it."""
+    """Return a number that rises with every undo, redo and loaded file.
+
+    Nothing that was kept before such a step holds after it.
+    """
     return _generation
 
 
 def lineage() -> int:
-    """Return a number that rises with every undo, redo, loaded file and new name of what takes part in a scene.
+    """Return a number that rises with every undo, redo, loaded file and rename.
 
-    State that is kept by a name, or follows from an earlier frame, does not hold after it. A bake does.
+    Renames count if the object has a role. When the number rises, state that is kept by a name or that follows from an
+    earlier frame does not hold any more. A rename alone leaves a bake valid.
     """
     return _generation + _renames
 
 
 def ticks() -> int:
-    """Return a number that rises with everything that happens to the scene, for caches of what panels draw."""
+    """Return a number that rises at every update of the scene, for caches of panels."""
     return _ticks
 
 
@@ -77,7 +84,10 @@ def edits() -> int:
 
 
 def forms() -> int:
-    """Return a number that rises with every change of the scene but those of places: shapes, pictures, settings."""
+    """Return a number that rises with every change of the scene but motion.
+
+    It counts changes of shapes, pictures and settings, not of objects' places.
+    """
     return _forms + _generation
 
 
@@ -92,7 +102,7 @@ def mark_dirty(name: str = "settings") -> None:
 
 
 def expect(changed: bpy.types.ID) -> None:
-    """Note that the next change of a scene or an object is of settings on which no bake depends."""
+    """Note that no bake depends on the next change of a scene or an object."""
     _expected.add(changed.session_uid)
     if isinstance(changed, bpy.types.Object) and changed.data is not None:  # Blender reports it with the object
         _expected.add(changed.data.session_uid)
@@ -106,7 +116,7 @@ def clear_dirty() -> None:
 
 
 def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
-    """Note what Blender has evaluated anew; return whether any of it is a change that a bake would see."""
+    """Note Blender's updates; return whether a bake depends on any of them."""
     global _edits, _forms, _ticks
     _ticks += 1
     if _muted or depsgraph is None:
@@ -135,7 +145,10 @@ def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
 
 
 def note_clock(scene: bpy.types.Scene) -> bool:
-    """Note a scene's frame rate and time stretching; return whether they changed, since Blender does not tell."""
+    """Note a scene's frame rate and time stretching; return whether they changed.
+
+    Blender's update of a scene does not name the setting that changed.
+    """
     before, now = _clocks.get(scene.session_uid), scene_time.settings(scene)
     _clocks[scene.session_uid] = now
     changed = before not in (None, now) and not _muted
@@ -145,7 +158,10 @@ def note_clock(scene: bpy.types.Scene) -> bool:
 
 
 def _says_nothing(update: Any) -> bool:
-    """Return whether an object is reported without anything that was evaluated anew: selected, or called otherwise."""
+    """Return whether an object is reported though nothing was evaluated anew.
+
+    Blender reports an object so when it is selected or renamed.
+    """
     return isinstance(update.id, bpy.types.Object) and not (update.is_updated_transform or update.is_updated_geometry)
 
 
@@ -163,7 +179,7 @@ def note_history() -> None:
 
 
 def note_file() -> None:
-    """Note that another file was opened: what changed in the one before is of no interest any more."""
+    """Note that another file was opened, and forget the changes of the last one."""
     _dirty.clear()
     _look_at_clocks()
     _begin_generation("file")
@@ -181,7 +197,10 @@ def muted() -> Iterator[None]:
 
 
 def sweeping() -> bool:
-    """Return whether a sweep of ours is under way: the scene is then at a frame to which nobody has put it."""
+    """Return whether a sweep of the add-on is under way.
+
+    The scene is then at a frame that nobody has chosen.
+    """
     return _muted > 0
 
 

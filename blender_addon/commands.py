@@ -1,7 +1,7 @@
 """Dermis without a window: `blender --command dermis render scene.blend --out DIR`, and `sample`.
 
-The exit status is 0 if all went well, 1 if there is a finding of severity error, 2 if the work was refused or the
-command line was not understood: as of `python -m core`.
+The exit status is 0 if all went well, 1 if there is a finding of severity error or a defect, and 2 if the work was
+refused or the command line was not understood. `python -m core` uses the same numbers.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ._core import DermisError, core, worst
 from .results import export_parts, store
 from .sampling import frames, height_maps, participants, scene_sweep
 
-LAST_FRAME = 1048574  # Blender's; its first is the same below zero
+LAST_FRAME = 1048574  # Blender's last frame; its first one is the negative of this
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -38,13 +38,13 @@ def main(arguments: Sequence[str]) -> int:
         print(f"error: {error}", file=sys.stderr)
         return core.command_line.messages.REFUSED
     except Exception:
-        # Blender would go on to exit with status 0.
+        # If the error were passed on, Blender would exit with status 0.
         traceback.print_exc()
         return 1
 
 
 def render(options: argparse.Namespace) -> int:
-    """Render a file's scene, or all of them, and write one file per finger, device and part."""
+    """Render one scene of a file or all, and write a file per finger, device and part."""
     scene = _open(options)
     if not options.all_scenes:
         return _render(options, scene, Path(options.out))
@@ -185,7 +185,10 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _joined(arguments: Sequence[str]) -> list[str]:
-    """Bind a range to its option where it begins with a minus, which the parser would take for another option."""
+    """Join `--range` and a range that begins with a minus to one argument.
+
+    The parser would take such a range for another option.
+    """
     joined: list[str] = []
     for argument in arguments:
         if joined and joined[-1] == "--range" and re.fullmatch(r"-\d+:.*", argument):
@@ -200,7 +203,7 @@ def _open(options: argparse.Namespace) -> bpy.types.Scene:
     if not path.is_file():
         raise DermisError("no such file", where=str(path), remedy="Give the path of a .blend file")
     try:
-        # Whether the file's scripts may run is decided where Blender decides it: -y, -Y and the preferences.
+        # Blender's own options -y and -Y and its preferences decide whether the file's scripts may run.
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
     except RuntimeError as error:
         raise DermisError("Blender cannot open the file", where=str(path), value=str(error).strip()) from error
@@ -215,10 +218,13 @@ def _open(options: argparse.Namespace) -> bpy.types.Scene:
 
 
 def _settle_maps(options: argparse.Namespace, scene: bpy.types.Scene) -> None:
-    """Take over what `--no-data` says of the scene's maps, and refuse those that leave it open: nobody can be asked.
+    """Apply `--no-data` to the scene's height maps, and refuse undecided maps.
+
+    Without a window nobody can answer a question about a map.
 
     Raises:
-        DermisError: no such screen, or a map with a number that likely stands for 'no data' while nobody has said.
+        DermisError: there is no such screen, or a map has a number that likely stands for 'no data' and neither the
+            file nor `--no-data` decides whether it does.
     """
     layer = bpy.context.view_layer if scene == bpy.context.scene else scene.view_layers[0]
     screens = [o for o in participants.taking_part(scene, layer, []) if o.dermis.role == "SCREEN"]
@@ -237,7 +243,7 @@ def _settle_maps(options: argparse.Namespace, scene: bpy.types.Scene) -> None:
             if "" in given and (not height_maps.said_no_data(obj) or height_maps.unanswered(obj)):
                 height_maps.say_no_data(obj, *given[""])
             open_ = height_maps.unanswered(obj)
-        except DermisError:  # told, with all else, when the scene is sampled
+        except DermisError:  # sampling the scene reports it, with all other errors
             continue
         if open_:
             raise DermisError(
@@ -268,7 +274,10 @@ def _library(options: argparse.Namespace) -> Any:
 
 
 def _drained(steps: Any, options: argparse.Namespace) -> Any:
-    """Run some work; print its progress in place, on one line, and only where somebody watches."""
+    """Run some work, and print its progress on one line.
+
+    Nothing is printed with `--quiet`, or if stderr is not a terminal.
+    """
     if options.quiet or not sys.stderr.isatty():
         return core.steps.drain(steps)
     shown = ""

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from ._core import Array
 
 _RINGS, _SEGMENTS = 60, 80
-_PALM_SHARE, _WAIST_PALM, _WAIST_SIDE = 0.54, 0.12, 0.05  # as the engine's skin has them
+_PALM_SHARE, _WAIST_PALM, _WAIST_SIDE = 0.54, 0.12, 0.05  # the same as of the engine's skin
 SKIN, NAIL = (0.76, 0.42, 0.31, 1.0), (0.87, 0.58, 0.52, 1.0)
 # Share of a finger's width by which a pad may miss the skin of its hand. A pad that is placed well misses by at most
 # 1 mm; pads placed wrongly missed by 0.18 of a width and more.
 OFF = 0.1
-OURS = "dermis_fingertip"  # marks a mesh as one that follows the finger's lengths
+OURS = "dermis_fingertip"  # custom property of a mesh that follows the finger's lengths
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Lengths:
 
     @property
     def base(self) -> float:
-        """Where the finger is cut off, along Y."""
+        """Position along Y at which the finger is cut off."""
         return self.tip - self.length
 
     @property
@@ -95,7 +95,7 @@ def mesh(metres_per_unit: float = 1.0, lengths: Lengths | None = None) -> bpy.ty
 
 
 def fit(obj: bpy.types.Object, lengths: Mapping[str, float], metres_per_unit: float) -> None:
-    """Bring a fingertip of ours to a finger's lengths; an artist's own mesh is left alone.
+    """Fit a fingertip of ours to a finger's lengths; leave an artist's mesh alone.
 
     Args:
         lengths: lengths of the finger's skin [m], by the engine's names.
@@ -112,7 +112,10 @@ def fit(obj: bpy.types.Object, lengths: Mapping[str, float], metres_per_unit: fl
 
 @contextmanager
 def kept(data: bpy.types.Mesh) -> Iterator[None]:
-    """Leave a fingertip of ours as it is while its finger's lengths are set one by one: it has them already."""
+    """Keep `fit` from changing a fingertip of ours.
+
+    For setting its finger's lengths one by one while the mesh has them already.
+    """
     del data[OURS]
     try:
         yield
@@ -121,7 +124,7 @@ def kept(data: bpy.types.Mesh) -> Iterator[None]:
 
 
 def coloured(name: str, colour: Sequence[float]) -> bpy.types.Material:
-    """Return a new material of a colour, for every way of drawing."""
+    """Return a new material of a colour, for solid and rendered shading."""
     made = bpy.data.materials.new(name)
     made.diffuse_color = colour
     if made.node_tree is None:
@@ -131,7 +134,7 @@ def coloured(name: str, colour: Sequence[float]) -> bpy.types.Material:
 
 
 def shader_of(material: bpy.types.Material) -> Any:
-    """Return the shader of a material as Blender makes them."""
+    """Return the Principled BSDF of a material, which Blender's new materials have."""
     return next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
 
 
@@ -156,7 +159,10 @@ def _waist(y: Array, tip: float, drop: float) -> Array:
 
 
 def _profile(y: Array, size: Lengths) -> tuple[Array, Array, Array, Array]:
-    """Half width, middle height, height above the middle and depth below it, along the finger."""
+    """Return half width, height of the middle, and extents above and below it [mm].
+
+    Each has one value for every position along the finger.
+    """
     section = _rounded(y / size.tip, 2.0)
     crease = 0.16 * np.exp(-(((y - size.base - 2.6) / 1.0) ** 2))  # the fold of the last joint
     half = 0.5 * size.width * section * _waist(y, size.tip, _WAIST_SIDE) - crease
@@ -168,7 +174,7 @@ def _profile(y: Array, size: Lengths) -> tuple[Array, Array, Array, Array]:
 
 
 def _nail_distance(x: Array, y: Array, size: Lengths) -> Array:
-    """How far a point lies from the nail's middle: 1 on its outline."""
+    """Return the relative distance of points from the nail's middle: 1 on its outline."""
     across, along = 2.0 * x / size.nail_width, (y - size.nail_centre) / size.nail_reach
     return np.power(np.abs(across) ** 3.2 + np.abs(along) ** 3.2, 1.0 / 3.2)
 
@@ -179,7 +185,7 @@ def _skin(size: Lengths) -> tuple[Array, list[tuple[int, ...]]]:
     half, middle, above, below = _profile(y, size)
     angle = np.arange(_SEGMENTS) * (2.0 * np.pi / _SEGMENTS)
     cos, sin = np.cos(angle), np.sin(angle)
-    # An ellipse on the palm's side, as the engine has it, and a little squarer on the back.
+    # The section is an ellipse on the palm's side, as in the engine, and a little squarer on the back.
     power = np.where(sin > 0.0, 2.0 / 2.25, 1.0)
     x = half[:, None] * (np.sign(cos) * np.abs(cos) ** power)
     height = np.sign(sin) * np.abs(sin) ** power
@@ -207,7 +213,7 @@ def _skin(size: Lengths) -> tuple[Array, list[tuple[int, ...]]]:
 
 
 def _nail(size: Lengths) -> tuple[Array, list[tuple[int, ...]]]:
-    """A plate with a curve in both directions and an edge, over the same outline as the bed."""
+    """Return the nail: a plate curved in both directions, with the bed's outline."""
     circles, segments = 10, 48
     radius = np.append(np.linspace(0.0, 1.0, circles + 1)[1:], [1.0])
     angle = np.arange(segments) * (2.0 * np.pi / segments)

@@ -1,11 +1,12 @@
-"""Who a finger is, and each of its devices, whatever they are called: what bakes, calibrations and streams belong to.
+"""Identities of fingers and of their devices, which do not depend on names.
 
-An identity is a property of the object or of the item in its list of devices, saved in the .blend. A copy of a finger
-is another finger, so it is worth nothing there, whether the original is still around or not. Undo may take a property
-back: a session remembers who is who, too. An object that is linked from another file and says nothing is known by that
-file and its name in there, which cannot be changed here.
+Bakes, calibrations and streams belong to identities. An identity is a property of the object, or of the item in its
+list of devices, and is saved in the .blend. A copy of a finger is another finger. The copied property does not count
+for it, whether the original still exists or not. Undo may remove a property, so the session keeps the identities, too.
+A linked object without the property is identified by its file and its name in that file, which cannot be changed here.
 
-A device is known among those of its finger: a copied finger has copies of its devices, and they are told apart by it.
+The identity of a device counts only among the devices of its finger. A copied finger has copies of its devices, which
+differ from the originals by the identity of the finger.
 """
 
 from __future__ import annotations
@@ -23,14 +24,17 @@ LEGACY = "dermis_finger_id"  # a custom property, in which earlier versions kept
 
 
 class Device(NamedTuple):
-    """A device on a finger, by the identities of both; one without identities equals no other."""
+    """A device on a finger, by the identities of both.
+
+    '' stands for an identity that has not been given yet; such a device cannot be recognized.
+    """
 
     finger: str
     device: str
 
 
 class Place(NamedTuple):
-    """Where an object was found last, so that it is found again without a look at every other."""
+    """Last known name and session uid of an object, to find it again quickly."""
 
     name: str  # in full
     uid: int  # session uid
@@ -41,7 +45,10 @@ class Place(NamedTuple):
         return cls(obj.name_full, obj.session_uid)
 
     def finger(self, scene: bpy.types.Scene) -> bpy.types.Object | None:
-        """Return the object, under whatever name, where it is a finger of a scene; else None."""
+        """Return the object, even under a new name, if it is a finger of a scene.
+
+        Otherwise None.
+        """
         obj = named(scene, self.name)
         if obj is None or obj.session_uid != self.uid:
             obj = next((o for o in scene.objects if o.session_uid == self.uid), None)
@@ -54,12 +61,12 @@ class _Item(NamedTuple):
 
 
 _given: dict[int, str] = {}  # by the object's session uid
-_items: dict[int, tuple[_Item, ...]] = {}  # its devices when identities were given to them last
+_items: dict[int, tuple[_Item, ...]] = {}  # by the same uid: its devices when they were last given identities
 _revision = 0
 
 
 def identity(obj: bpy.types.Object) -> str:
-    """Return a finger's identity, '' where it has none of its own. Writes nothing."""
+    """Return a finger's identity, '' if it has none of its own. Writes nothing."""
     own = _claimed(obj)
     if not own or obj.session_uid in _given:
         return own
@@ -71,7 +78,10 @@ def identity(obj: bpy.types.Object) -> str:
 
 
 def devices(obj: bpy.types.Object) -> tuple[str, ...]:
-    """Return the identities of a finger's devices in their order, '' for one that has none. Writes nothing."""
+    """Return the identities of a finger's devices, in their order.
+
+    '' for a device that has none. Writes nothing.
+    """
     own: list[str] = []
     items = obj.dermis.finger.devices
     for item in items:
@@ -79,7 +89,7 @@ def devices(obj: bpy.types.Object) -> tuple[str, ...]:
         own.append(said if is_identity(said) and said not in own else "")
     if not all(own):
         for i, (item, kept) in enumerate(zip(items, _items.get(obj.session_uid, ()), strict=False)):
-            if not own[i] and kept.preset == item.preset and kept.identity not in own:  # undo took the property back
+            if not own[i] and kept.preset == item.preset and kept.identity not in own:  # undo has removed the property
                 own[i] = kept.identity
         if obj.library is not None:
             own = [said or _hashed(_of_file(obj), str(i)) for i, said in enumerate(own)]
@@ -87,7 +97,7 @@ def devices(obj: bpy.types.Object) -> tuple[str, ...]:
 
 
 def revision() -> int:
-    """Return a number that rises whenever somebody is given an identity, for caches of who is who."""
+    """Return a number that rises at every call of `give`, for caches of identities."""
     return _revision
 
 
@@ -97,7 +107,10 @@ def is_identity(text: str) -> bool:
 
 
 def give(obj: bpy.types.Object) -> str:
-    """Return a finger's identity; one that has none is given one, and so are its devices. No bake is outdated by it."""
+    """Return a finger's identity, and give it and its devices the missing ones.
+
+    This makes no bake out of date.
+    """
     global _revision
     _revision += 1
     own = identity(obj) or os.urandom(16).hex()
@@ -123,15 +136,18 @@ def fingers(scene: bpy.types.Scene) -> list[bpy.types.Object]:
 
 
 def finger_with(own: str, scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """Return the finger of a scene that has an identity."""
+    """Return the finger of a scene with an identity, None without one."""
     if not own:
         return None
     return next((o for o in fingers(scene) if identity(o) == own), None)
 
 
 def named(scene: bpy.types.Scene, name: str) -> bpy.types.Object | None:
-    """Return the object of a scene with a full name: that of a linked object has its file's, too."""
-    for layer in scene.view_layers:  # which look a name up, where the file's own list is gone through
+    """Return the object of a scene with a full name, None if there is none.
+
+    The full name of a linked object includes its file.
+    """
+    for layer in scene.view_layers:  # a view layer looks a name up, which is faster than a search of the file's list
         obj = layer.objects.get(name)
         if obj is not None and obj.name_full == name:
             return obj
@@ -148,17 +164,22 @@ def is_in(obj: bpy.types.Object, scene: bpy.types.Scene) -> bool:
 
 
 def is_in_layer(obj: bpy.types.Object, layer: bpy.types.ViewLayer) -> bool:
-    """Return whether a view layer has an object, also where one from another file has the same name."""
+    """Return whether a view layer has an object.
+
+    The answer is right even if an object of another file has the same name.
+    """
     found = layer.objects.get(obj.name)
     return found == obj or (found is not None and any(other == obj for other in layer.objects))
 
 
 def note(baked: Mapping[str, str]) -> None:
-    """Remember who is who in a file that has just been opened: what says the same later is a copy.
+    """Remember the identities in a file that has just been opened.
+
+    An object that has the same property later is a copy.
 
     Args:
-        baked: names by identity, of fingers when they were baked. Where two say the same, since the file was saved
-            without this add-on, it is the one that is called so.
+        baked: names of fingers when they were baked, by identity. Two objects have the same identity if the file was
+            saved without this add-on. Then the one with this name keeps it.
     """
     _given.clear()
     _items.clear()
@@ -172,7 +193,10 @@ def note(baked: Mapping[str, str]) -> None:
 
 
 def settle() -> None:
-    """Write down who is who, before a file is saved: a copy shall not come back as the finger it was copied from."""
+    """Write all identities into the file's properties before it is saved.
+
+    Otherwise a copy could be taken for its original when the file is opened again.
+    """
     for obj, own in [(obj, identity(obj)) for obj in _fingers()]:
         _write(obj, own, devices(obj) if own else ())
 
@@ -183,9 +207,10 @@ def _claimed(obj: bpy.types.Object) -> str:
 
 
 def _of_file(obj: bpy.types.Object) -> str:
-    """Return the identity of an object that is linked, by its file and its name in there; '' of one of this file.
+    """Return the identity of a linked object from its file and its name there.
 
-    The file is known by its name and its folder's: a project may be moved as a whole.
+    '' for an object of this file. Only the file's name and its folder's name count, so that a project may be moved as a
+    whole.
     """
     if obj.library is None:
         return ""

@@ -1,6 +1,7 @@
-"""Drains the engine's generators: a few milliseconds at a time in the window, straight through elsewhere.
+"""Running of the engine's generators: in steps in a window, at once elsewhere.
 
-What child processes do comes as such a generator too: it follows their jobs, and closing it ends them.
+A step takes a few milliseconds. Work of child processes is such a generator, too: it follows their jobs, and closing it
+ends them.
 """
 
 from __future__ import annotations
@@ -17,11 +18,11 @@ from .sampling import scene_sweep
 from .streaming import session
 
 WORK_SECONDS = 0.05
-"""Of work between two looks at the keyboard."""
+"""[s] Work between two checks of the keyboard."""
 TIMER_SECONDS = 0.01
-"""From one timer event to the next."""
+"""[s] From one timer event to the next."""
 REDRAW_SECONDS = 0.25
-"""From one drawing of the side bars, which show how far a job is, to the next."""
+"""[s] From one redraw of the side bars, which show a job's progress, to the next."""
 
 Steps = Generator[Any, None, Any]
 
@@ -29,7 +30,7 @@ _running: list[Steps] = []
 
 
 class Progress(NamedTuple):
-    """How far the job is that runs in the window: its title, a share up to 1, and words."""
+    """Progress of the job that runs in the window: title, share up to 1, and words."""
 
     title: str
     share: float
@@ -37,16 +38,16 @@ class Progress(NamedTuple):
 
 
 _progress: Progress | None = None
-_drawn = 0.0  # when the side bars were asked to draw that
+_drawn = 0.0  # [s] time of the last request to redraw the side bars
 
 
 def progress() -> Progress | None:
-    """Return how far the running job is; None without one."""
+    """Return the progress of the running job; None without one."""
     return _progress
 
 
 def _show(now: Progress | None) -> None:
-    """Keep how far a job is, and draw the side bars, but not at every step."""
+    """Keep a job's progress, and redraw the side bars, but not at every step."""
     global _progress, _drawn
     _progress = now
     clock = time.perf_counter()
@@ -61,19 +62,19 @@ def _show(now: Progress | None) -> None:
 
 
 class Job:
-    """Mixin for operators that work long: modal with Esc and progress in a window, straight through elsewhere.
+    """Mixin for operators with long work.
 
-    An operator gives `steps` and `finished`. Nothing of Blender is kept between two events
-    but the generator, which looks its objects up anew.
+    In a window the work is modal, with progress, and Esc ends it. Elsewhere it is done at once. An operator defines
+    `steps` and `finished`. Between two events only the generator is kept, which looks up Blender's objects again.
     """
 
     job_title = "Dermis"
-    after_cancel = "nothing was changed"  # behind 'was cancelled;'
+    after_cancel = "nothing was changed"  # words after 'was cancelled;'
     if TYPE_CHECKING:
         report: Callable[[set[str], str], None]  # Blender's, of the operator that this is mixed into
         _steps: Steps | None
         _timer: Any
-    else:  # Blender evaluates the annotations of every operator, these words too
+    else:  # without annotations, because Blender evaluates all annotations of an operator
         _steps = _timer = None
 
     def steps(self, context: bpy.types.Context) -> Steps:
@@ -85,12 +86,12 @@ class Job:
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Run straight through: from a script, in background, or as 'redo'."""
+        """Do the work at once: from a script, in background, or as 'redo'."""
         loading.settle()
         return self._finish(context, lambda: core.steps.drain(self.steps(context)))
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Start working beside the window's events."""
+        """Start work between the window's events; without a window, do it at once."""
         if bpy.app.background or context.window is None:
             return self.execute(context)
         loading.settle()
@@ -105,9 +106,9 @@ class Job:
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Work for a while at each timer event; everything else waits, but Esc ends it."""
+        """Work for a while at each timer event; end at Esc; ignore all other events."""
         if event.type == "ESC" and event.value == "PRESS":
-            if event.shift:  # the key that stops a device, which this operator takes before anybody else hears it
+            if event.shift:  # Shift Esc stops a device, but this operator gets the key before the stop operator
                 session.stop()
             self._end(context)
             self.report({"INFO"}, f"{self.job_title} was cancelled; {self.after_cancel}")
@@ -136,7 +137,7 @@ class Job:
         return {"RUNNING_MODAL"}
 
     def cancel(self, context: bpy.types.Context) -> None:
-        """Stop because Blender stops the operator, such as when a file is opened."""
+        """End the work because Blender ends the operator, as when a file is opened."""
         self._end(context)
 
     def _finish(self, context: bpy.types.Context, work: Callable[[], Any]) -> set[str]:
@@ -181,7 +182,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """Stop whatever still runs, so that nothing of the add-on works on after it."""
+    """Stop all running jobs, so that none goes on without the add-on."""
     while _running:
         _running.pop().close()
     _show(None)

@@ -1,8 +1,8 @@
-"""Loading: work that needs nothing of Blender runs in a thread, so that no view waits for it.
+"""Work that needs nothing of Blender runs in a thread: no view waits for it.
 
-`value` is for what takes long because files are read: modules of the engine, tables of skins. `aside` is for a piece of
-what a view shows that takes longer than the view may wait, such as the first contact after a jump. What computes for
-seconds belongs into another process. In background nobody waits for a view, and the work is done at once.
+`value` is for slow reading of files, such as modules of the engine and tables of skins. `aside` is for a step of a
+view's contents that takes longer than the view may wait, such as the first contact after a jump. Work of several
+seconds belongs in another process. In background nobody waits for a view, and the work is done at once.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import bpy
 from . import redraw
 from ._core import core
 
-POLL = 0.02  # [s] between two looks at running work
-LOOK = 0.004  # [s] that the window waits at most for what runs aside, before it goes on with something else
+POLL = 0.02  # [s] between two checks of running work
+LOOK = 0.004  # [s] for which the window waits at most for work of `aside`, before it goes on with something else
 LIGHT = (
     "pipeline.trail",
     "surface.gap",
@@ -53,7 +53,10 @@ _turn = threading.Lock()
 
 
 class _Task:
-    """Work in a thread of its own. They take turns: two would keep the interpreter from the window twice as long."""
+    """Work in a thread of its own; only one such thread works at a time.
+
+    Two at a time would keep the interpreter from the window twice as long.
+    """
 
     def __init__(self, work: Callable[[], Any]) -> None:
         self.value: Any = None
@@ -66,26 +69,26 @@ class _Task:
         try:
             with _turn:
                 self.value = self._work()
-        except BaseException as error:  # whoever asks for the value gets it
+        except BaseException as error:  # raised again in the thread that takes the value
             self.error = error
 
 
 T = TypeVar("T")
 _aside: _Task | None = None
-_aside_holds = ExitStack()  # BLAS at one thread, as long as something runs aside
+_aside_holds = ExitStack()  # keeps BLAS at one thread while work of `aside` runs
 _tasks: dict[Hashable, _Task] = {}
-_told: set[Hashable] = set()  # tasks that ended, and that views were drawn again for
-_there: set[Hashable] = set()  # what of the engine and of the add-on
+_told: set[Hashable] = set()  # keys of tasks that have ended and for which a redraw was requested
+_there: set[Hashable] = set()  # keys of the groups of modules that have been loaded
 
 
 def value(key: Hashable, work: Callable[[], Any]) -> tuple[Any] | None:
     """Return the result of some work, as the only element; None while it runs.
 
     Args:
-        key: of the work, by which it is asked for again. work: it must touch nothing of Blender.
+        key: identifies the work in later calls. work: the work; it must touch nothing of Blender.
 
     Raises:
-        Exception: raised by the work, once; it is tried anew when it is asked for again.
+        Exception: raised by the work. The next call with the key starts the work again.
     """
     if not redraw.watched():
         return (work(),)
@@ -106,10 +109,11 @@ def value(key: Hashable, work: Callable[[], Any]) -> tuple[Any] | None:
 def aside(work: Callable[[], T]) -> Generator[None, Any, T]:
     """Do some work in a thread, and yield as long as it runs; return its result.
 
-    Who does not come back leaves the work to its end: nobody may use its data until `at_rest` says so.
+    If the generator is not continued, the work still runs to its end. Nobody may use its data until `at_rest` returns
+    True.
 
     Args:
-        work: it must touch nothing of Blender.
+        work: the work; it must touch nothing of Blender.
 
     Raises:
         Exception: raised by the work.
@@ -130,7 +134,7 @@ def aside(work: Callable[[], T]) -> Generator[None, Any, T]:
 
 
 def at_rest() -> bool:
-    """Wait a moment for background work; return whether all of it is done."""
+    """Wait a moment for the work of `aside`; return whether it is done."""
     global _aside
     if _aside is not None:
         _aside.thread.join(LOOK)
@@ -142,23 +146,30 @@ def at_rest() -> bool:
 
 
 def settle() -> None:
-    """Wait until nothing runs aside: an operator is about to use the data of the previews."""
+    """Wait until the work of `aside` is done.
+
+    Operators call this before they use the data of the previews.
+    """
     while not at_rest():
         pass
 
 
 def engine(modules: Sequence[Any] = (), *, skins: bool, more: Callable[[], Callable[[], None]] | None = None) -> bool:
-    """Return whether the modules are there that a preview needs; load them where they are not.
+    """Return whether the modules that a preview needs are loaded; else load them.
 
     Args:
-        modules: of the add-on that are read with them, see `on_demand`. skins: also what solves skins, with scipy.
-        more: gives other items to read with them.
+        modules: modules of the add-on to load with them, see `on_demand`.
+        skins: load the modules that solve skins, and scipy, too.
+        more: returns a function that loads further items, and that runs in the thread.
     """
     return "skins" in _there or _read("skins" if skins else "engine", LIGHT + HEAVY * skins, modules, more)
 
 
 def addon(modules: Sequence[Any]) -> bool:
-    """Return whether modules of the add-on are there, see `on_demand`; read them in a thread where they are not."""
+    """Return whether modules of the add-on are loaded, see `on_demand`.
+
+    If they are not, a thread loads them.
+    """
     return _read("add-on", (), modules, None)
 
 
@@ -174,7 +185,7 @@ def _read(
 
 
 def forget() -> None:
-    """Wait for all that is being loaded or runs aside, and forget it."""
+    """Wait for all work in threads, and forget it and its results."""
     settle()
     for task in _tasks.values():
         task.thread.join()
@@ -189,7 +200,7 @@ def forget() -> None:
 def _loader(
     names: Sequence[str], modules: Sequence[Any], more: Callable[[], Callable[[], None]] | None
 ) -> Callable[[], None]:
-    also = None if more is None else more()  # asks Blender, as a thread must not
+    also = None if more is None else more()  # called here because it queries Blender, which a thread must not
 
     def load() -> None:
         with _uncollected():
@@ -204,11 +215,11 @@ def _loader(
 def _uncollected() -> Iterator[None]:
     """Keep the garbage collector away from objects that a block loads.
 
-    A full collection looks at every object of the interpreter. The modules make one due, and it takes 70 to 90 ms, in
-    which no thread runs, the window's neither. Frozen objects are left out of later ones; they are freed as before
-    when nothing refers to them. `forget` undoes it.
+    A full collection visits every object of the interpreter. Loading the modules makes one due. It takes 70 to 90 ms,
+    during which no thread runs, not even the window's. Later collections leave out frozen objects. These are freed as
+    before when nothing refers to them. `forget` unfreezes them.
     """
-    gc.collect(1)  # the young ones: garbage among them shall not be kept
+    gc.collect(1)  # young objects only, so that garbage among them is not frozen
     collects = gc.isenabled()
     gc.disable()
     try:

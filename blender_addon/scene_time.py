@@ -48,7 +48,7 @@ T = TypeVar("T", float, Array)
 
 @dataclass(frozen=True)
 class Clock:
-    """When scene frames are shown, in seconds from a first frame.
+    """Conversion between scene frames and seconds from a first frame.
 
     Attributes:
         rate: scene frames a second. first: scene frame at 0 s.
@@ -113,7 +113,10 @@ def go_to(scene: bpy.types.Scene, frame: float) -> None:
 
 
 def evaluated(scene: bpy.types.Scene, frames: T) -> T:
-    """Return the frames at which Blender evaluates scene frames: where keys must lie to be felt at those."""
+    """Return the evaluated frames of scene frames.
+
+    A key must lie on the evaluated frame to act at the scene frame.
+    """
     return frames * float(scene.render.frame_map_old) / float(scene.render.frame_map_new)
 
 

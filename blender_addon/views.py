@@ -1,7 +1,7 @@
 """Draw callbacks of Blender's editors, the strip's switch in their menus, and keys on drawn items.
 
-None of the modules that draw is read by registering. A thread reads them as soon as Blender has started; until they are
-there nothing is drawn, and no frame is worked out. Without a window they are read by the first call.
+Registering does not load the modules that draw. A thread loads them as soon as Blender has started. Before that,
+nothing is drawn, and no frame is computed. Without a window the first call loads them.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ from .viewport import (
     twins,
 )
 
-MODULES = (  # that draw, those that panels ask, and those that these import when they are read
+MODULES = (  # modules that draw, modules that panels query, and modules that these import
     *(changes, doubts, identity, reporting, design_results, readiness, skin_models, film_objects, armatures),
     *(device_preview, live_lanes, moment, skin_preview, exported, owners, store, trusted, frames),
     *(board_identity, built_devices, calibration_offers, device_calibration, reported_values, session),
     *(stream_log, streamed_track, strip, cards, device_cards, obstacles, overlay, shown, skin_cards, skin_view, twins),
 )
 VIEW = "SpaceView3D"
-EDITORS = ("SpaceDopeSheetEditor", "SpaceGraphEditor")  # that show the strip
+EDITORS = ("SpaceDopeSheetEditor", "SpaceGraphEditor")  # editors that show the strip
 MENUS = ("TIME_MT_view", "DOPESHEET_MT_view", "GRAPH_MT_view")
-KEYS = (  # of the keymap and the editor, and the action of a click there
+KEYS = (  # keymap, its editor, and the operator of a click there
     ("3D View", "VIEW_3D", "dermis.fold_card"),
     ("Dopesheet", "DOPESHEET_EDITOR", "dermis.strip_jump"),
     ("Graph Editor", "GRAPH_EDITOR", "dermis.strip_jump"),
@@ -63,12 +63,12 @@ _keys: list[tuple[Any, Any]] = []
 
 
 def there() -> bool:
-    """Return whether the modules are there that draw; a thread reads them, so that no view waits."""
+    """Return whether the modules that draw are loaded; if not, a thread loads them."""
     return loading.addon(MODULES)
 
 
 def table() -> tuple[tuple[str, str, Callable[[], None]], ...]:
-    """Return the editors that show something of ours, when in a redraw, and the function that draws it."""
+    """Return the draw callbacks: type of the editor's space, stage of a redraw, function."""
     return (
         (VIEW, "POST_VIEW", _draw_twins),
         (VIEW, "POST_VIEW", _draw_skins),

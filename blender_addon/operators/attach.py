@@ -18,12 +18,12 @@ from .work import Work, counted, select_only, zoom
 if TYPE_CHECKING:
     from ..hands.skeleton import Hand
 
-REDO_PANEL = 300.0  # wide [px at scale 1], whatever is in it
+REDO_PANEL = 300.0  # [px at scale 1] width of the redo panel, whatever its contents
 SIDES = {LEFT: "left hand", RIGHT: "right hand", "": "hand"}
 
 
 def has_hand(context: bpy.types.Context) -> bool:
-    """Return whether an armature, or its mesh, is selected where fingers can be attached."""
+    """Return whether fingers can be attached to the hand of the active object."""
     return context.mode in ("OBJECT", "POSE") and armatures.part_of_hand(context.object)
 
 
@@ -53,7 +53,7 @@ class DermisTipSize(bpy.types.PropertyGroup):
 
     @property
     def said(self) -> float:
-        """The width that somebody has set [m]; 0 where it is the one that was found."""
+        """Width that a person has set [m]; 0 if it is the width that was found."""
         return 0.0 if abs(self.width_mm - self.found_mm) < 1e-3 else 1e-3 * float(self.width_mm)
 
 
@@ -145,7 +145,10 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         reporting.report_findings(self, doubts, self.bl_label, f"{what}.")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw two rows for each finger: whether, which bone, which way round; how wide, and whether it is on skin."""
+        """Draw two rows for each finger.
+
+        The first has its switch, its bone and its flip. The second has its width and its distance from the skin.
+        """
         layout: Any = self.layout
         armature: Any = armatures.armature_of(context.object)
         layout.row(align=True).prop(self, "hand", expand=True)
@@ -174,10 +177,10 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         column.prop(self, "skin")
 
     def _hands(self, hung: "rig.Rig") -> "dict[str, Hand]":
-        """Return the hands that are asked for, by their side.
+        """Return the chosen hands, by their side.
 
         Raises:
-            DermisError: there is none, or none on this side.
+            DermisError: there is no hand, or none on the chosen side.
         """
         sides = hung.by_side()
         if not sides:
@@ -206,10 +209,10 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         return {self.hand: sides[self.hand]}
 
     def _read(self, hung: "rig.Rig", hands: "dict[str, Hand]") -> "dict[str, Hand]":
-        """Return the reading of each hand that is asked for, by its side, and keep words about it for the panel.
+        """Return the chosen reading of each hand, by its side; keep words about it.
 
-        Where names do not tell the side, another reading may be of the other one: its thumb is where the little finger
-        was.
+        The panel draws these words. If no names give the side, another reading may be of the other side: its thumb is
+        then the little finger of the first reading.
 
         Raises:
             DermisError: no hand has so many readings, or both hands are read as the same side.
@@ -251,7 +254,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
                 tip.use = chain is not None and chain.last not in hung.fingers
 
     def _dress(self, context: bpy.types.Context, made: list[bpy.types.Object]) -> None:
-        """Give fingers device and skin, and select them where that leaves the mode as it is."""
+        """Give fingers the device and the skin; in object mode, select them."""
         for obj in made:
             if self.device:
                 obj.dermis.finger.devices.add().preset = self.device

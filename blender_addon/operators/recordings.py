@@ -19,8 +19,8 @@ from ..quantities import metres_per_unit
 from .work import File, listed
 
 UNITS = {"M": 1.0, "CM": 1e-2, "MM": 1e-3}  # [m]
-_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # their up axis becomes ours
-SHOWN, LOOKED_AT = 4, 1000  # rows that the dialog shows, and that it tries the columns on
+_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])  # turns +Y, their up axis, into +Z, Blender's
+SHOWN, LOOKED_AT = 4, 1000  # number of rows that the dialog shows, and number of rows on which it tries the columns
 
 
 def _compose(self: Any, _context: bpy.types.Context) -> None:
@@ -99,7 +99,7 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
     _rows: Any = None  # of the file that the dialog asks about
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask for the file; then, where it does not say what its columns are, for these."""
+        """Ask for the file, then for the columns if it does not name them."""
         if not self.ask:
             self.by_hand = True
             return super().invoke(context, event)

@@ -1,7 +1,8 @@
-"""The built devices that this computer knows: a calibration file for each, and which finger wears which.
+"""Built devices known to this computer: their calibrations and their fingers.
 
-All of it lies in the user's folder and none in a .blend, so that no file of somebody else's calibrates a device here.
-Read files are kept until `refresh`. Panels draw the devices `at_hand`: a timer reads the folder for them.
+A device has a calibration file, and a table has the devices that fingers wear. Both are in the user's folder, not in a
+.blend, so that another person's file does not calibrate a device here. Read files are kept until `refresh`. Panels draw
+the devices if they are `at_hand`: a timer reads the folder for them.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from ..preferences import user_folder
 FOLDER = "calibrations"
 TABLE = "fingers.json"
 SCHEMA = "dermis-fingers 1"
-# Every board with the sketch as it is says this: it tells no two of them apart.
+# Ids that every board with the unchanged sketch reports, so that they do not identify a board.
 COMMON_IDS = frozenset({b"DERMISU1".hex()})
 
 
@@ -30,12 +31,17 @@ class Built(NamedTuple):
 
 
 class _Finger(NamedTuple):
-    name: str  # as it was called last
-    devices: dict[str, str]  # preset -> file; '' where a person chose to go without
+    name: str  # its name when a device was last chosen for it
+    devices: dict[str, str]  # preset -> file; '' if a person chose to wear none
 
 
 class _Folder(NamedTuple):
-    """The folder as read: devices by file, why other files cannot be read, and fingers by identity, or why not."""
+    """Contents of the folder when it was read.
+
+    Attributes:
+        devices: by file. damaged: by file, why it cannot be read.
+        fingers: by identity, or the error if the table cannot be read.
+    """
 
     devices: dict[str, Built]
     damaged: dict[str, DermisError]
@@ -52,14 +58,17 @@ def refresh() -> None:
 
 
 def at_hand() -> bool:
-    """Return whether the folder has been read; where not, ask for it. For drawing, which reads no file."""
+    """Return whether the folder has been read; if not, request it.
+
+    For drawing: the function reads no file itself.
+    """
     if _folder is None:
         redraw.request()
     return _folder is not None
 
 
 def read() -> None:
-    """Read the folder, unless that was done."""
+    """Read the folder, unless it has been read since `refresh`."""
     global _folder
     if _folder is None:
         devices, damaged = {}, {}
@@ -106,7 +115,7 @@ def save(made: Any, file: str = "") -> Built:
     """Write the calibration of a built device into its file, or into a new one.
 
     Raises:
-        DermisError: no name, one that another device of the preset has, or the file cannot be written.
+        DermisError: it has no name, another device of the preset has this name, or the file cannot be written.
     """
     refresh()
     if not made.name:
@@ -129,7 +138,9 @@ def save(made: Any, file: str = "") -> Built:
 
 
 def choice(finger: str, preset: str) -> str | None:
-    """Return the file of the device that a finger wears; '' to go without, None where nobody has ever chosen.
+    """Return the file of the device that a finger wears.
+
+    '' if a person chose to wear none; None if nobody ever chose.
 
     Raises:
         DermisError: the table cannot be read.
@@ -157,7 +168,7 @@ def choose(finger: str, name: str, preset: str, file: str | None) -> None:
 
 
 def once_called(name: str) -> frozenset[str]:
-    """Return the identities of fingers that had a name when they were given a device.
+    """Return the identities of fingers that had a name when a device was last chosen.
 
     Raises:
         DermisError: the table cannot be read.

@@ -1,8 +1,8 @@
-"""The surface that is drawn: the skin's triangles, refined along their own curvature, and how values get onto it.
+"""The drawn surface: the skin's triangles, refined along their curvature.
 
 The tissue's mesh is coarse (2 mm in draft). Each edge gets a midpoint on a cubic that passes through both ends and
-follows the values' gradients there, so whatever is drawn is smooth and exact at the nodes. Positions, displacements and
-values all go through the same matrix, made once for a mesh.
+follows the values' gradients there, so the drawing is smooth, and exact at the nodes. One matrix refines positions,
+displacements and values. It is made once for a mesh.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .._core import Array, Indices32
 
-TRIANGLES = 3000  # a surface is refined until it has about as many
+TRIANGLES = 3000  # a surface is refined until it has about this many triangles
 MAX_LEVELS = 2
 
 
@@ -27,9 +27,9 @@ class DisplaySurface(NamedTuple):
         refine: from values at those nodes to values at the drawn vertices, sparse (d, s).
         rest: drawn vertices without deformation [m], shape (d, 3).
         triangles: counter-clockwise from outside, shape (t, 3).
-        palmar: which of them face away from the nail, shape (t,).
+        palmar: whether each triangle faces away from the nail, shape (t,).
         coarse: the triangles between `nodes`, shape (c, 3).
-        scatter: from those to the nodes, sparse (s, c), for normals.
+        scatter: sum of the triangles' values at each node, sparse (s, c), for normals.
         at_rest: normals of the drawn vertices without deformation, shape (d, 3).
         middle: middle of the box around `rest` in X and Y [m], shape (2,).
         length: length of that box along Y [m].
@@ -86,7 +86,7 @@ class DisplaySurface(NamedTuple):
         return self.deformed_alike(points, [(displacement, nodal)])[0]
 
     def deformed_alike(self, points: Array, several: Sequence[tuple[Array, Array]]) -> list[tuple[Array, Array, Array]]:
-        """Return `deformed` for several displacements and values; the matrices are gone through once for all."""
+        """Return `deformed` for several displacements and values, with one product by each matrix."""
         count, coarse = len(several), np.empty((len(points), len(several), 7))
         crosses = np.empty((len(self.coarse), count, 3))
         for i, (displacement, nodal) in enumerate(several):
@@ -108,14 +108,17 @@ def _unit(vectors: Array) -> Array:
 
 
 def _crosses(points: Array, triangles: Indices32) -> tuple[Array, Array, Array]:
-    """Return twice the area times the normal of triangles, component by component."""
+    """Return twice the area times the unit normal of triangles, by component."""
     a = points[triangles[:, 0]]
     b, c = (points[triangles[:, 1]] - a).T, (points[triangles[:, 2]] - a).T
     return b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]
 
 
 def _refined(points: Array, triangles: Indices32) -> tuple[Any, Indices32]:
-    """Return a matrix (n + edges, n) that adds a midpoint to every edge, and the four times as many triangles."""
+    """Return a matrix (n + edges, n) that adds edge midpoints, and the new triangles.
+
+    There are four new triangles for every old one.
+    """
     from scipy.sparse import coo_array, diags_array, identity, vstack
 
     n = len(points)
@@ -127,7 +130,7 @@ def _refined(points: Array, triangles: Indices32) -> tuple[Any, Indices32]:
     along = points[b] - points[a]
 
     def slope(at: NDArray[Any]) -> Any:
-        """Derivative of the values along each edge at one of its ends."""
+        """Return the derivative of values along each edge at one of its ends."""
         across_u, across_v = (np.einsum("ij,ij->i", along, t[at]) for t in (u, v))
         return diags_array(across_u) @ gradient_u[at] + diags_array(across_v) @ gradient_v[at]
 

@@ -21,9 +21,9 @@ VEIL: Colour = (*PANEL[:3], 0.65)
 ORANGE: Colour = (1.0, 0.52, 0.10, 1.0)
 BLUE: Colour = (0.36, 0.62, 1.0, 1.0)
 GREEN: Colour = (0.45, 0.80, 0.55, 1.0)
-FONT_SIZE, SMALLER = 11.5, 0.8  # [px at scale 1], and the share of it that is read as well
-EDGE = 4.0  # of the ground of a line, beyond its letters [px at scale 1]
-# Corners of a unit disc with its middle first, and the triangles of that and of a square.
+FONT_SIZE, SMALLER = 11.5, 0.8  # size of text [px at scale 1], and the factor for smaller text, which is still legible
+EDGE = 4.0  # [px at scale 1] margin of a line's ground around its letters
+# Corners of a unit disc, its middle first; triangles of the disc and of a square.
 SIDES = 24
 _ANGLE = np.linspace(0.0, 2.0 * np.pi, SIDES + 1)[:-1]
 WHEEL = np.vstack([np.zeros((1, 2)), np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=1)])
@@ -43,14 +43,17 @@ def text(
     ground: bool = False,
     shorter: Sequence[str] = (),
 ) -> float:
-    """Write a line; where a width [px] is given and too small, a shorter one, then a smaller one, then cut it off.
+    """Write a line of text.
+
+    If it does not fit a given width, shorter words are taken, then a smaller size; then it is cut off.
 
     Args:
-        align: the part of it left of x. shorter: other words that say the same, the longest first.
+        width: largest width [px]; 0 for no limit.
+        align: share of the line left of x. shorter: other words that say the same, the longest first.
         ground: draw a dark box behind the line; needed wherever no card is beneath it.
 
     Returns:
-        How wide it is where it was measured: cut off, aligned, or on a ground [px]; else 0.
+        The width of the line [px] if `width`, `align` or `ground` is given; else 0.
     """
     import blf
 
@@ -72,7 +75,7 @@ def text(
 
 
 def wrapped(words: str, letters: int) -> list[str]:
-    """Return a text in lines of at most so many letters."""
+    """Return a text in lines of at most `letters` letters."""
     return textwrap.wrap(words, letters)
 
 
@@ -84,7 +87,7 @@ def rectangle(left: float, bottom: float, width: float, height: float, colour: C
 
 
 def veil(left: float, bottom: float, width: float, height: float, words: str, scale: float) -> None:
-    """Dim a card that has been drawn, and write at its upper right why."""
+    """Dim a drawn card, and write the reason at its upper right."""
     rectangle(left, bottom, width, height, VEIL)
     text(words, left + width - 8.0 * scale, bottom + height - 15.0 * scale, INK, scale, align=1.0, ground=True)
 
@@ -112,7 +115,10 @@ def arrow(start: NDArray[Any], end: NDArray[Any], colour: Colour, width: float, 
 
 
 def line(points: NDArray[Any], colour: tuple[float, ...], width: float) -> None:
-    """Draw a line through points of shape (n, 3), in pixels or in the space that is drawn in; width at scale 1 [px]."""
+    """Draw a line through points of shape (n, 3); width at scale 1 [px].
+
+    The points are in pixels, or in the space of the view.
+    """
     import gpu
     from gpu_extras.batch import batch_for_shader
 

@@ -1,4 +1,4 @@
-"""The solid parts of twins: coloured triangles, lit by a fixed light so that they read as solid."""
+"""Solid parts of twins: coloured triangles, shaded by a fixed light."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Line(NamedTuple):
 
 
 def part_of(positions: Array, colours: Array, triangles: NDArray[Any]) -> Part:
-    """Return a part of any arrays, in the graphics card's types."""
+    """Return a part from arrays, converted to the graphics card's types."""
     return Part(
         positions.astype(np.float32, copy=False),
         colours.astype(np.float32, copy=False),
@@ -75,7 +75,7 @@ def _fan() -> NDArray[np.int32]:
 
 
 def lathe(profile: list[tuple[float, float]], colour: Colour) -> Part:
-    """Turn a profile of (radius, height) [m] about Z."""
+    """Return the part that a profile of (radius, height) [m] sweeps about Z."""
     pieces = []
     angle = np.linspace(0.0, 2.0 * np.pi, SEGMENTS + 1)
     ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
@@ -156,7 +156,7 @@ def placed(part: Part, pose: Array) -> Part:
 
 
 def faint(part: Part, opacity: float) -> Part:
-    """Return a part with so much of its opacity."""
+    """Return a part with its opacity multiplied by a factor."""
     return part._replace(colours=part.colours * np.array([1.0, 1.0, 1.0, opacity], np.float32))
 
 

@@ -1,8 +1,8 @@
-"""The contents of views and panels for a scene, worked out when the frame changes or in a timer, and kept for drawing.
+"""Contents of a scene's views and panels, kept for drawing.
 
-The reported values of a device come before a track from a file, a fresh bake before the live preview, and that before a
-bake that is out of date. Draw callbacks call `now`, which reads; where something has happened since, it asks for the
-work to be done anew.
+They are computed when the frame changes, or in a timer. Reported values of a device take precedence over a track from
+a file, a fresh bake over the live preview, and the live preview over a bake that is out of date. Draw callbacks call
+`now`, which only reads. If something has changed since, `now` requests that the work is done anew.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ class Frame(NamedTuple):
     """The contents of all views of a scene at one frame.
 
     Attributes:
-        devices: a row for each; None where nothing is known. twins: of each row, finished for drawing.
-        skins: with their values, and the range of the colours.
+        devices: a row for each device; None if nothing is known. twins: the twin of each row, ready for drawing.
+        skins: the skins with their values, and the range of the colours.
         active_devices: which device of each family counts on each finger.
-        active, ready: a finger's name, and the readiness of its devices, see `readiness`.
-        doubts: where the track that would be streamed and its preset disagree, in words.
+        active, ready: name of the active object, and the readiness of its devices if it is a finger, see `readiness`.
+        doubts: in words, how the track that would be streamed disagrees with its preset.
         span: the first and the last frame that a bake would take; None without a finger.
-        lineage: of `changes` when it was worked out; after a rename its names are somebody else's.
+        lineage: `changes.lineage()` of this frame; after a rename, its names may belong to other objects.
     """
 
     frame: float
@@ -65,7 +65,7 @@ class Frame(NamedTuple):
 
 _frames: dict[int, Frame] = {}  # by the scene's session uid
 _doubts: dict[int, tuple[doubtful.Doubt, ...]] = {}  # about the scene itself
-_keys: dict[int, tuple[Any, ...]] = {}  # for which they were worked out
+_keys: dict[int, tuple[Any, ...]] = {}  # by the scene's session uid: the inputs of the last work, see `_key`
 _drawn = {"kept": 0}  # how often a view was drawn from a kept frame
 _slices = slices.Slices(lambda: _steps())
 _LIGHT = (
@@ -99,13 +99,16 @@ _MODULES = (
 
 
 def devices(scene: bpy.types.Scene) -> Preview | None:
-    """Return the preview of the devices at the current frame; None where nothing is known."""
+    """Return the preview of the devices at this frame; None if nothing is known."""
     shown = reported_values.preview(scene)
     return shown if shown is not None else device_preview.computed(scene)
 
 
 def skins(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
-    """Work out the skins to show at the current frame, and as pins and thimbles render them; empty if unknown."""
+    """Return the skins to show at this frame, then those that devices render.
+
+    The devices are pins and thimbles. The tuple is empty if nothing is known.
+    """
     fingers = ((s, identity.named(scene, s.finger)) for s in skin_preview.own(scene))
     targets = tuple(s for s, obj in fingers if obj is not None and obj.dermis.finger.skin.shown)
     rendered = (*pin_preview.rendered(scene, targets), *thimble_preview.rendered(scene, targets)) if targets else ()
@@ -113,7 +116,7 @@ def skins(scene: bpy.types.Scene) -> tuple[SkinState, ...]:
 
 
 def on_frame(scene: bpy.types.Scene) -> None:
-    """Work on the contents of a new frame for as long as a view may wait; go on in a timer."""
+    """Compute the contents of a new frame, in a timer if a view would wait long."""
     if scene == bpy.context.scene and skin_preview.any_finger(scene):
         if _loaded(scene):
             _slices.start(scene)
@@ -123,9 +126,10 @@ def on_frame(scene: bpy.types.Scene) -> None:
 
 
 def _loaded(scene: bpy.types.Scene) -> bool:
-    """Return whether the modules are there that the work needs; a thread reads them, so that no view waits.
+    """Return whether the modules that the work needs have been loaded.
 
-    The presets come with them, which say whether skins are solved, and that needs more.
+    A thread loads them, so that no view waits. It reads the presets, too. These decide whether skins are solved, which
+    needs further modules.
     """
     if not loading.engine(_LIGHT, skins=False, more=choices.reader):
         return False
@@ -136,9 +140,9 @@ def _loaded(scene: bpy.types.Scene) -> bool:
 
 
 def _steps() -> slices.Steps:
-    """Work everything out piece by piece; results are kept, so that `renew` finds them done."""
+    """Compute everything piece by piece; `renew` then finds the results."""
     scene = yield
-    while not loading.at_rest():  # work that was left
+    while not loading.at_rest():  # unfinished work of an earlier frame
         scene = yield
     if device_preview.read(scene):
         scene = yield
@@ -165,14 +169,18 @@ def _steps() -> slices.Steps:
 
 
 def renew(scene: bpy.types.Scene, states: tuple[SkinState, ...] | None = None) -> Frame:
-    """Work out everything that is shown at the current frame, and keep it; the skins unless they are given."""
+    """Compute everything that is shown at the current frame, and keep it.
+
+    Args:
+        states: the skins; if None, they are computed, too.
+    """
     uid, active = scene.session_uid, _active(scene)
     _keys[uid] = _key(scene)  # first: work that fails is not tried again at every redraw
     _frames.pop(uid, None)
     shown = devices(scene)
     ready = readiness.of(active) if active is not None and active.dermis.role == "FINGER" else {}
     if active is not None and active.dermis.role in ("FINGER", "TOUCHABLE") and not choices.known():
-        choices.refresh()  # panels call its devices or its material by their names
+        choices.refresh()  # panels show the names of its devices or its material
     _frames[uid] = Frame(
         moment.frame_of(scene),
         shown,
@@ -190,7 +198,10 @@ def renew(scene: bpy.types.Scene, states: tuple[SkinState, ...] | None = None) -
 
 
 def now(scene: bpy.types.Scene) -> Frame | None:
-    """Return the contents of the current frame, None where they have not been worked out. Reads; for drawing."""
+    """Return the contents of the current frame for drawing; compute nothing.
+
+    While the current frame is computed, they are those of an earlier frame with a note. None if nothing is known.
+    """
     kept = _read(scene)
     if kept is None or kept.frame == moment.frame_of(scene):
         _drawn["kept"] += kept is not None
@@ -199,12 +210,12 @@ def now(scene: bpy.types.Scene) -> Frame | None:
 
 
 def draws() -> int:
-    """Return how often something was drawn from a frame that had been worked out already."""
+    """Return how often something was drawn from a kept frame."""
     return _drawn["kept"]
 
 
 def _late(kept: Frame, scene: bpy.types.Scene) -> Frame:
-    """Return the frame to show until the current one is worked out; it says so."""
+    """Return the kept frame with a note that the current one is being computed."""
     note = f"of frame {kept.frame:g}; computing {moment.frame_of(scene):g}"
     states = tuple(replace(state, note=note) for state in kept.skins.states)
     shown = None if kept.devices is None else replace(kept.devices, note=note)
@@ -212,8 +223,11 @@ def _late(kept: Frame, scene: bpy.types.Scene) -> Frame:
 
 
 def active_device(scene: bpy.types.Scene, obj: bpy.types.Object | None, family: str) -> Any | None:
-    """Return the settings of the device of a family that counts on a finger, or None. Reads; for drawing."""
-    kept = _read(scene)  # at whatever frame: panels shall not come and go while a bake sweeps
+    """Return the settings of a finger's device that counts in a family, or None.
+
+    For drawing: the function only reads.
+    """
+    kept = _read(scene)  # of any frame, so that panels do not come and go while a bake sweeps
     if kept is None or obj is None or obj.dermis.role != "FINGER":
         return None
     index = kept.active_devices.get(obj.name_full, {}).get(family, -1)
@@ -221,31 +235,43 @@ def active_device(scene: bpy.types.Scene, obj: bpy.types.Object | None, family: 
 
 
 def ready(scene: bpy.types.Scene, obj: bpy.types.Object, kind: str) -> readiness.Ready | None:
-    """Return the readiness of the active finger's 'thimble' or 'platform', None while unknown. Reads; for drawing."""
+    """Return the readiness of the active finger's 'thimble' or 'platform'.
+
+    None while it is unknown. For drawing: the function only reads.
+    """
     kept = _read(scene)
     return kept.ready.get(kind) if kept is not None and kept.active == obj.name_full else None
 
 
 def doubts(scene: bpy.types.Scene) -> str:
-    """Return where the track that would be streamed and its preset disagree, '' for nowhere. Reads; for drawing."""
+    """Return in words how the track to be streamed disagrees with its preset.
+
+    '' if they agree. For drawing: the function only reads.
+    """
     kept = _read(scene)
     return kept.doubts if kept is not None else ""
 
 
 def span(scene: bpy.types.Scene) -> tuple[int, int] | None:
-    """Return the first and the last frame that a bake would take; None while that is not known. Reads; for drawing."""
+    """Return the first and the last frame that a bake would take.
+
+    None while they are not known. For drawing: the function only reads.
+    """
     kept = _read(scene)
     return kept.span if kept is not None else None
 
 
 def scene_doubts(scene: bpy.types.Scene) -> tuple[doubtful.Doubt, ...]:
-    """Return the doubts about a scene, as they were worked out last. Reads; for drawing."""
+    """Return the last computed doubts about a scene.
+
+    For drawing: the function only reads.
+    """
     _read(scene)
     return _doubts.get(scene.session_uid, ())
 
 
 def work() -> None:
-    """Work out the contents of every window."""
+    """Compute the contents of every window."""
     if changes.sweeping():
         return
     built_devices.read()
@@ -259,7 +285,7 @@ def work() -> None:
 
 
 def forget() -> None:
-    """Forget all frames: another file is opened."""
+    """Forget all frames and doubts, and stop the running work."""
     _slices.cancel()
     _frames.clear()
     _doubts.clear()
@@ -267,7 +293,10 @@ def forget() -> None:
 
 
 def _read(scene: bpy.types.Scene) -> Frame | None:
-    """Return the frame that was worked out last; ask for the work where something has happened since."""
+    """Return the last computed frame; request the work if its inputs have changed.
+
+    None if there is no such frame, or if its names may be out of date.
+    """
     if not changes.sweeping() and _keys.get(scene.session_uid) != _key(scene):
         redraw.request()
     kept = _frames.get(scene.session_uid)
@@ -283,7 +312,10 @@ def _layer(scene: bpy.types.Scene) -> bpy.types.ViewLayer:
 
 
 def _key(scene: bpy.types.Scene) -> tuple[Any, ...]:
-    """Return the inputs of the work, except reported values: streaming asks for a redraw itself."""
+    """Return the inputs of the work, except reported values.
+
+    For these, streaming requests a redraw itself.
+    """
     settings, active = scene.dermis, _active(scene)
     view, thimble = settings.skin_view, settings.thimble_view
     return (

@@ -1,4 +1,4 @@
-"""Beside the heat map: a card with a map and figures for each pad, or one line, and the legend."""
+"""Cards of pads in the 3D view, each a map with figures or one line; the legend."""
 
 from __future__ import annotations
 
@@ -15,20 +15,27 @@ from .skin_field import QUANTITIES, Drawn
 from .skin_shown import Shown, colour_table
 
 LEGEND_WIDTH, BAR, LINE, MARGIN, NARROW, COMPACT = 270, 11, 16, 11, 132, 98
-LETTERS = 40  # in a line of the legend: 42 of them can be wider than it is
-FOLDED = 22  # how tall a card of one line is [px at scale 1]
-ASPECT = 0.76  # of a map: its width over its height
+LETTERS = 40  # most letters in a line of the legend: 42 can be wider than the legend
+FOLDED = 22  # [px at scale 1] height of a card of one line
+ASPECT = 0.76  # width of a map divided by its height
 SOURCES = {"bake": paint.GREEN, "live": paint.BLUE, "stale": paint.ORANGE, "earlier": paint.ORANGE}
 
 
 def sizes(map_size: float, lines: int) -> list[tuple[float, float]]:
-    """Return widths and heights of a card with so many lines [px at scale 1] to try, the wanted one first."""
+    """Return widths and heights of a card to try [px at scale 1], the wanted first.
+
+    Args:
+        map_size: wanted height of the map. lines: lines of text in the card.
+    """
     wide = max(NARROW, ASPECT * map_size)
     return [(width, min(map_size, width / ASPECT) + _beneath(width, lines)) for width in (wide, NARROW, COMPACT)]
 
 
 def lines_of(states: Sequence[SkinState]) -> int:
-    """Return how many lines the cards of skins have beneath the map: one more where a device's two errors are told."""
+    """Return the number of text lines in the cards of skins.
+
+    There is one more if a device renders a skin, because its two errors are given.
+    """
     return 5 if any(state.work == "rendered" for state in states) else 4
 
 
@@ -46,7 +53,7 @@ def card(now: Shown, i: int, view: Any, place: Box, scale: float) -> None:
 
 
 def _beneath(width: float, lines: int) -> float:
-    """Return how much of a card is text [px at scale 1]; a slim one has fewer lines."""
+    """Return the height of a card's text [px at scale 1]; a slim card has fewer lines."""
     return (lines + 1.2 if width >= 0.99 * NARROW else 3.0) * LINE + MARGIN
 
 
@@ -65,7 +72,10 @@ def line(state: SkinState, place: Box, scale: float) -> None:
 
 
 def _shorter(state: SkinState) -> list[str]:
-    """Return the devices that render a pad, without the finger whose own map stands before it; nothing for that one."""
+    """Return shorter titles of a pad: the device alone, without the finger.
+
+    Empty for a pad that no device renders. The finger's own map stands before those that devices render.
+    """
     device = state.finger.partition(": ")[2]
     return [device] if device and state.work == "rendered" else []
 
@@ -118,7 +128,8 @@ class Legend(NamedTuple):
     """The legend's text beneath the colours, in lines.
 
     Attributes:
-        off: how far off the model is. deep: it is deeper than it is good for. note, source: where forces come from.
+        off: the errors of the model. deep: a skin is pressed deeper or dragged farther than the model is trusted.
+        note, source: where the forces come from, in words and as a key of `SOURCES`.
     """
 
     off: list[str]
@@ -128,22 +139,26 @@ class Legend(NamedTuple):
 
     @classmethod
     def of(cls, now: Shown, *, full: bool, said: str) -> Legend:
-        """Return the legend of skins; a short one says only the meaning of their colours. `said` stands elsewhere."""
+        """Return the legend of skins.
+
+        Args:
+            full: give errors and notes, too, not only the meaning of the colours. said: a note that is shown elsewhere.
+        """
         deep = any(s.too_deep or s.too_far for s in now.states)
         noted = next((s for s in now.states if s.note not in ("", said) and s.work != "rendered"), None)
         off = paint.wrapped(skin_field.error_text(now.states), LETTERS) if full else []
-        own = "skin: " if said else ""  # both frames are the skin's, where devices began at another one
+        own = "skin: " if said else ""  # the note of the devices, shown elsewhere, may name another frame
         note = paint.wrapped(own + noted.note, LETTERS) if noted is not None and full else []
         return cls(off, deep, note, noted.source if noted is not None else "")
 
     @property
     def height(self) -> float:
-        """How tall it is [px at scale 1]."""
+        """Height of the legend [px at scale 1]."""
         return (1.9 + len(self.off) + len(self.note)) * LINE + BAR + 2 * MARGIN
 
 
 def legend(now: Shown, view: Any, words: Legend, place: Box, scale: float) -> None:
-    """Draw the colours with their range and unit, where the forces come from, and how far off the model is."""
+    """Draw the colours with their range and unit, and the legend's words."""
     quantity, x = QUANTITIES[view.quantity], place.left + MARGIN * scale
     inner = place.width - 2 * MARGIN * scale
     paint.rectangle(*place, paint.PANEL)
@@ -165,12 +180,15 @@ def legend(now: Shown, view: Any, words: Legend, place: Box, scale: float) -> No
 
 
 def friction(state: SkinState) -> str:
-    """Return how many nodes stick and slip; a device's rendering touches nothing that could."""
+    """Return how many nodes stick and slip.
+
+    On a skin as a device renders it, no node does.
+    """
     if state.work == "rendered":
         return "none: by the device"
     return f"{state.sticking} stick, {state.slipping} slip"
 
 
 def force(value: float) -> str:
-    """Return a force for people."""
+    """Return a force as text, in N or mN."""
     return f"{value:.2f} N" if value >= 0.1 else f"{1e3 * value:.0f} mN"

@@ -7,7 +7,7 @@ from typing import Any
 from . import preferences
 from ._core import core
 
-# By how a kind of device is drawn.
+# Icons, by the style in which a kind of device is drawn.
 ICONS = {
     "tactor": "MOD_WARP",
     "screen": "DESKTOP",
@@ -18,7 +18,7 @@ ICONS = {
 }
 
 GROUPS = ("devices", "materials", "skins")
-_PAGE = re.compile(r"\s*See \S+\.md\.?")  # which readers of files find beside them
+_PAGE = re.compile(r"\s*See \S+\.md\.?")  # reference to a page beside the preset's file, which menus leave out
 _cache: dict[str, tuple[Any, ...]] = {}
 _target = ""
 
@@ -34,7 +34,8 @@ def reader() -> Callable[[], None]:
 
     def read() -> None:
         presets = preferences.library_of(folder)
-        _cache.update({group: presets.list(group) for group in GROUPS})  # all that menus show: a file may be gone soon
+        # An entry has all that menus show, since its file may be deleted.
+        _cache.update({group: presets.list(group) for group in GROUPS})
 
     return read
 
@@ -50,7 +51,10 @@ def entry(group: str, key: str) -> Any:
 
 
 def title(group: str, key: str) -> str:
-    """Return a preset's name for people; where there is none of that key, the key; before any was read, from it."""
+    """Return a preset's name for people.
+
+    If no preset has the key, the key is returned. Before presets have been read, the name is made from the key.
+    """
     found = entry(group, key)
     return str(found.name) if found is not None else key if known() else key.replace("_", " ").title()
 
@@ -58,7 +62,7 @@ def title(group: str, key: str) -> str:
 def worn(label: str) -> str:
     """Return 'finger: preset', as settings name a device on a finger, with the device's name in place of its key."""
     finger, colon, key = label.rpartition(": ")
-    own, dash, number = key.rpartition("-")  # of the second of its kind
+    own, dash, number = key.rpartition("-")  # the number of a further device of the same preset
     if dash and number.isdigit() and entry("devices", key) is None:
         return f"{finger}{colon}{title('devices', own)}, {number}"
     return f"{finger}{colon}{title('devices', key)}" if colon else label
@@ -71,7 +75,10 @@ def description(group: str, key: str) -> str:
 
 
 def search(group: str, text: str) -> list[str]:
-    """Return the keys of presets in whose key or name a text stands, for fields that offer them while one types."""
+    """Return the keys of presets whose key or name contains a text.
+
+    For fields that offer presets while a person types.
+    """
     if not known():
         refresh()
     return [entry.key for entry in entries(group) if text.lower() in f"{entry.key} {entry.name}".lower()]
@@ -108,7 +115,7 @@ def aim(finger: str) -> None:
 
 
 def target() -> str:
-    """Return the finger that the device menu is about."""
+    """Return the finger for which the device menu opens, see `aim`."""
     return _target
 
 

@@ -1,4 +1,4 @@
-"""Every branch on Blender's version, and what its versions share about animation data."""
+"""All branches on Blender's version, and functions for animation data."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-# Options of properties that name a file and are not animated: Blender 5 warns of '//' in one that does not say this.
+# Options of properties that name a file and are not animated: without this one, Blender 5 warns of '//' in the path.
 BLEND_RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"}
 
 
@@ -79,7 +79,7 @@ def fill(curve: Any, frames: Sequence[float], values: Sequence[float], *, interp
 def animated_paths(owner: bpy.types.ID) -> set[str]:
     """Return the data paths of an ID that an action, an NLA strip or a driver may write.
 
-    Only the paths are looked at; values always come from evaluation.
+    Only the paths are read; values always come from evaluation.
     """
     animation = owner.animation_data
     if animation is None:
@@ -99,7 +99,7 @@ def stored(obj: bpy.types.Object, name: str) -> dict[str, Any]:
 
 
 def taken(owner: bpy.types.ID, name: str, key: str) -> Any:
-    """Return what an ID stores under a key of a registered group, None for nothing, and store it no more."""
+    """Return and remove the value that an ID stores in a registered group, or None."""
     holder = owner.bl_system_properties_get() if bpy.app.version >= (5, 0, 0) else owner
     group = None if holder is None else holder.get(name)
     value = None if group is None else group.get(key)

@@ -34,7 +34,7 @@ class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
         return platform_devices.make(context.object, active_device(context, "platform"))
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
-        """Say how large it is."""
+        """Report the size of the table."""
         changes.mark_dirty(context.object.name)
         platform_preview.reset()
         device_preview.reset()
@@ -131,7 +131,7 @@ are listed. Scenes without a fresh bake are baked first; Esc cancels"""
 def _designed(scene: bpy.types.Scene) -> jobs.Steps:
     """Bake listed scenes without a fresh bake, then look for the motors; without a list, this scene."""
     settings = scene.dermis_design
-    design_results.checked_spec(scene)  # nothing is worked for nothing
+    design_results.checked_spec(scene)  # refuses a device before the long work, not after it
     if not settings.touches:
         settings.touches.add().scene = scene
     for item in settings.touches:
@@ -173,7 +173,7 @@ class DERMIS_OT_show_design(bpy.types.Operator):
 
 
 def _show(context: bpy.types.Context) -> bool:
-    """Show the picture in an Image editor; return whether there is one, or a window to open one beside."""
+    """Show the picture in an Image editor; return False if there is no window for one."""
     areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
     if not areas:
         if context.window is None or bpy.app.background:

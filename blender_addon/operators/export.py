@@ -17,7 +17,7 @@ from ..sampling import scene_sweep
 from .checked import Checked
 from .work import File, Folder, counted, listed
 
-TOLD = ("refused", "name-shortened", "clipped", "open-loop", "constant-voltage")  # the bake has reported the others
+TOLD = ("refused", "name-shortened", "clipped", "open-loop", "constant-voltage")  # the bake has reported other findings
 
 
 @needs(lambda context: store.current(context.scene) is not None, "Bake first")
@@ -175,7 +175,7 @@ class DERMIS_OT_load_result(bpy.types.Operator):
             scene.dermis.bake_key = scene.dermis.bake_owners = ""
             self.report({"WARNING"}, "The stored bake is gone; bake again")
             return {"CANCELLED"}
-        now = cast(store.Result, store.current(scene))  # with the present names
+        now = cast(store.Result, store.current(scene))  # with the current names of fingers
         reporting.show(now.bake.all_findings, f"Stored bake of {scene.name}")
         return {"FINISHED"}
 

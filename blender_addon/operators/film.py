@@ -37,7 +37,7 @@ def _there(context: bpy.types.Context, names: list[str], selected: bool) -> list
 
 
 def _coloured(context: bpy.types.Context, name: str, *, with_legend: bool) -> str:
-    """Show an attribute on all skins; return obstacles to the view's colours, in words."""
+    """Show an attribute on all skins; return remarks on colours and legend, or ''."""
     scene, view = context.scene, context.scene.dermis.skin_view
     end = skin_mesh.top(scene, name)
     heat_material.show(name, end, view.colours, view.fill)
@@ -130,7 +130,7 @@ class DERMIS_OT_film_twins(jobs.Job, bpy.types.Operator):
         times = context.scene.dermis.twin_exaggeration
         if times != 1.0 and any(p.name == "Tactor" for m in made for p in m.pieces):
             done += f" The tactor moves {times:g} times as far as it will."
-        if refused:  # without, the list keeps those of the bake
+        if refused:  # otherwise the list keeps the findings of the bake
             reporting.report_findings(self, refused, self.bl_label, done)
         else:
             self.report({"INFO"}, done)

@@ -16,7 +16,7 @@ from ..polls import finger_at_hand, needs, own_finger
 from ..quantities import metres_per_unit
 from .work import Work, follow
 
-FORCE_DEPTH = 3e-3  # [m] that a finger goes down to press with a force: enough for any, the bone gives way
+FORCE_DEPTH = 3e-3  # [m] depth of the keys of a press by force: enough for any force, because the bone gives way
 
 
 class DERMIS_OT_mend(Work, bpy.types.Operator):
@@ -114,7 +114,7 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
     approach: FloatProperty(name="Approach [mm/s]", description="Speed of coming and lifting", default=20.0, min=0.1)
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Draw depth or force, whichever the press is asked by, and the rest."""
+        """Draw depth or force, whichever sets the press, and the other settings."""
         pressed = "depth" if self.until == "DEPTH" else "force"
         rest = ("hold", "slide", "speed", "direction", "height", "approach")
         properties(self.layout, self, "until", pressed, *rest, keys=False)
@@ -147,14 +147,14 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
         shown = [clock.frames(float(t)) for t in times]
         keyed_poses.key(finger, [scene_time.evaluated(scene, frame) for frame in shown], frames)
         last = ceil(shown[-1])
-        scene.frame_start = min(scene.frame_start, max(floor(shown[0]), 0))  # Blender's least
+        scene.frame_start = min(scene.frame_start, max(floor(shown[0]), 0))  # Blender has no start frame below 0
         scene.frame_end = max(scene.frame_end, last)
         changes.mark_dirty(finger.name)
         return f"Keyed frames {clock.first:g} to {last} of {finger.name}"
 
 
 def _free(finger: bpy.types.Object | None) -> bpy.types.Object:
-    """Return a finger, which nothing else may carry.
+    """Return a finger, if it hangs on no bone.
 
     Raises:
         DermisError: it hangs on a bone.
@@ -173,7 +173,10 @@ def _free(finger: bpy.types.Object | None) -> bpy.types.Object:
 def _touched(
     context: bpy.types.Context, place: Vector
 ) -> "tuple[surfaces.Spot, Callable[[Vector], surfaces.Spot | None]]":
-    """Return where the other selected objects are nearest, else the touchable ones, and what finds it elsewhere on it.
+    """Return the spot that is nearest to a place, and a search on its object.
+
+    The other selected meshes are candidates; if there are none, all touchable objects and screens are. The search takes
+    a point, and returns the nearest spot on the object.
 
     Raises:
         DermisError: there is no such surface.

@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Presets of one's own: keep the settings at hand as one, and remove one again."""
+"""A person's own presets: save the current settings as one, or remove one."""
 
 from typing import Any
 
@@ -22,7 +22,10 @@ GROUPS = (
 
 
 def chosen(context: bpy.types.Context, group: str) -> Any:
-    """Return what of the active object a group's presets are about, with its preset's key; None without one."""
+    """Return the settings of the active object that a group's presets hold.
+
+    They include the key of their preset. None if the object has no such settings.
+    """
     obj = context.object
     if obj is None or not obj.is_editable:
         return None
@@ -49,7 +52,7 @@ def made(group: str, settings: Any, name: str) -> dict[str, Any]:
         return {"name": name, "parameters": own.fields(values(settings, table), table)}
     if group == "skins":
         found = skin_properties.shape_and_material(settings)
-        found.pop("mesh_hash", None)  # worked out anew: the file may be another one then
+        found.pop("mesh_hash", None)  # computed again at each use, because the file may have changed
         return {"name": name, "parameters": own.fields(found, tables[group])}
     before = library().load("devices", settings.preset)
     kind = core.devices.kinds.KINDS[before["kind"]]
@@ -58,7 +61,7 @@ def made(group: str, settings: Any, name: str) -> dict[str, Any]:
 
 
 class _Preset(Work):
-    """What both have in common: the group of presets, and the words when there is nothing to keep or remove."""
+    """Base of both operators: the group of presets, and the error without settings."""
 
     group: EnumProperty(
         name="Kind",
@@ -91,7 +94,7 @@ class DERMIS_OT_save_preset(_Preset, bpy.types.Operator):
     name: StringProperty(name="Name", description="Name of the preset in menus")
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Ask for the name; the preset's own, where it is one's own."""
+        """Ask for the name; propose that of the current preset if it is a person's own."""
         if not choices.known():
             choices.refresh()
         found = chosen(context, self.group)
@@ -101,11 +104,11 @@ class DERMIS_OT_save_preset(_Preset, bpy.types.Operator):
         return context.window_manager.invoke_props_dialog(self, confirm_text="Save")
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the name alone: the button says of what."""
+        """Draw the name alone, because the pressed button names the settings."""
         self.layout.prop(self, "name")
 
     def work(self, context: bpy.types.Context) -> str:
-        """Write the file, and let the settings say that they are this preset's."""
+        """Write the file, and store the preset's key in the settings."""
         settings = self.settings(context)
         key = core.own_presets.save(library(), presets_folder(), self.group, made(self.group, settings, self.name))
         active_presets.forget()
@@ -126,7 +129,7 @@ class DERMIS_OT_remove_preset(_Preset, bpy.types.Operator):
         found = chosen(context, self.group)
         entry = choices.entry(self.group, found.preset) if found is not None else None
         if entry is None or not entry.user:
-            return self.execute(context)  # which says why not
+            return self.execute(context)  # which reports the reason
         return context.window_manager.invoke_confirm(self, event)
 
     def work(self, context: bpy.types.Context) -> str:

@@ -1,4 +1,7 @@
-"""Connect, arm, stop. Actions that may hurt or write a file ask before."""
+"""Operators of the live link: connect, arm, stop.
+
+Actions that may hurt a person or write a file ask first.
+"""
 
 import bpy
 from bpy.props import BoolProperty, StringProperty
@@ -85,7 +88,7 @@ class DERMIS_OT_stream_arm(Checked, Streaming, bpy.types.Operator):
     )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Ask for the finger to be out where the first pulse may jump."""
+        """Ask to take the finger out if the first pulse may cause a jump."""
         self._asked = True
         if not (session.connected() and session.pose_unknown()):
             return self.execute(context)
@@ -111,7 +114,10 @@ class DERMIS_OT_stream_arm(Checked, Streaming, bpy.types.Operator):
                 words(self.layout.box(), text, 440, "INFO")
 
     def checked(self, context: bpy.types.Context) -> list[bpy.types.Scene]:
-        """Return the scene where its bake is to be played, unless something steps through the frames."""
+        """Return the scene if its bake is to be played.
+
+        The list is empty while something steps through the frames, because arming is refused then.
+        """
         plays = session.plays_bake(context.scene) and not frame_hold.held()
         return [context.scene] if plays else []
 
@@ -129,7 +135,7 @@ class DERMIS_OT_stream_stop(bpy.types.Operator):
     bl_options = {"INTERNAL"}
 
     def execute(self, _context: bpy.types.Context) -> set[str]:
-        """Stop, and leave the key to others where nothing streams."""
+        """Stop; if nothing is connected, pass the key on."""
         if not session.connected():
             return {"PASS_THROUGH"}
         session.stop()

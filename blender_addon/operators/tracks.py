@@ -98,7 +98,10 @@ class DERMIS_OT_export_as(Checked, Folder, bpy.types.Operator):
     def _plan(
         self, context: bpy.types.Context, folder: Path, finger: str | None
     ) -> "tuple[list[export_parts.Part], list[Any]]":
-        """Return everything that is to be written, of all scenes: no file is written before all ranges are in order."""
+        """Return all parts to write, of all scenes, and findings.
+
+        No file is written before the ranges of all scenes have been checked.
+        """
         names, prefixes = core.track.file_names.FileNames(), core.track.file_names.FileNames()
         parts: list[export_parts.Part] = []
         found: list[Any] = []

@@ -1,4 +1,4 @@
-"""What operators share: work that may be refused, the file or folder that it is asked for, menus of presets."""
+"""Base classes and functions that operators share."""
 
 from pathlib import Path
 from typing import Any
@@ -14,19 +14,19 @@ from ..polls import active_finger
 
 
 class Work:
-    """Runs a piece of work; refusals go to the status bar and the findings."""
+    """Runs a piece of work; errors go to the status bar and the findings."""
 
-    subject = ""  # of a refusal in the list of findings; the operator's label where left out
+    subject = ""  # source of an error in the list of findings; if empty, the operator's label
 
     def work(self, context: bpy.types.Context) -> str | None:
-        """Do it; return words for the status bar."""
+        """Do the work; return words for the status bar."""
         raise NotImplementedError
 
     def execute(self: Any, context: bpy.types.Context) -> set[str]:
-        """Do it, and report; its earlier refusals are removed from the list."""
+        """Do the work, and report; remove its earlier findings from the list."""
         subject = self.subject or self.bl_label
         loading.settle()
-        if context.view_layer is not None:  # after an undo, as by the redo panel, no object is in its place yet
+        if context.view_layer is not None:  # after an undo, as in the redo panel, no object's matrix is up to date
             context.view_layer.update()
         if reporting.source() == subject:
             reporting.forget()
@@ -52,7 +52,7 @@ def listed(patterns: str) -> Any:
 class File(Work):
     """Asks for a file first."""
 
-    suffix = ""  # for a name that has none
+    suffix = ""  # added to a file name that has none
 
     filepath: StringProperty(name="File", description="Path of the file", subtype="FILE_PATH")  # type: ignore[valid-type]
 
@@ -65,10 +65,10 @@ class File(Work):
         """Return the file that was chosen.
 
         Raises:
-            DermisError: it has no name.
+            DermisError: no file was chosen.
         """
         path = Path(bpy.path.abspath(self.filepath))
-        if not path.name or path.is_dir():  # the file browser's value where no name was chosen
+        if not path.name or path.is_dir():  # the file browser's value if no name was chosen
             raise DermisError("no file is chosen", value=self.filepath)
         return path if path.suffix else path.with_suffix(self.suffix)
 
@@ -89,13 +89,13 @@ class Folder(Work):
 
 
 class Chooser:
-    """Opens a menu of presets, which draws the list read just before."""
+    """Reads the presets, then opens a menu that lists them."""
 
     menu = ""
 
     def execute(self: Any, context: bpy.types.Context) -> set[str]:
         """Read the presets, then open the menu."""
-        if context.window is None or bpy.app.background:  # where Blender would crash
+        if context.window is None or bpy.app.background:  # a menu would crash Blender there
             self.report({"ERROR"}, "A menu needs a window; set the preset by its name instead")
             return {"CANCELLED"}
         choices.refresh()
@@ -110,7 +110,10 @@ def active_device(context: bpy.types.Context, family: "active_presets.Family") -
 
 
 def chosen(context: bpy.types.Context) -> list[bpy.types.Object]:
-    """Return the selected objects, the active one included, but for linked ones: their edits would not be saved."""
+    """Return the selected objects and the active one, if they can be edited.
+
+    Edits of a linked object would not be saved.
+    """
     selected, active = list(context.selected_objects), context.object
     both = selected if active is None or active in selected else [*selected, active]
     return [obj for obj in both if obj.is_editable]
@@ -125,7 +128,10 @@ def select_only(context: bpy.types.Context, obj: bpy.types.Object) -> None:
 
 
 def zoom(context: bpy.types.Context) -> None:
-    """Bring new objects into view: a fingertip is a speck in a view made for a two-metre cube."""
+    """Bring the selected objects into view.
+
+    Blender's first view fits a cube of two metres, in which a new fingertip is hardly seen.
+    """
     area = context.area
     if area is None or area.type != "VIEW_3D" or bpy.app.background:
         return
@@ -136,7 +142,7 @@ def zoom(context: bpy.types.Context) -> None:
 
 
 def follow(context: bpy.types.Context, obj: bpy.types.Object) -> None:
-    """Bring an object into view, alone, where it was moved out of it; the selection stays."""
+    """Bring an object into view if it was moved out of it; keep the selection."""
     area = context.area
     if area is None or area.type != "VIEW_3D" or bpy.app.background:
         return

@@ -26,7 +26,7 @@ class DERMIS_PT_bake(DermisPanel, bpy.types.Panel):
     bl_label = "Bake"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the button and the frames that it takes; while it works, progress in their place."""
+        """Draw the button and the frames of a bake, or the progress of a running one."""
         layout, there = self.layout, summary.of(context.scene)
         if working(layout, context, "Bake"):
             return
@@ -73,7 +73,7 @@ class DERMIS_PT_export(DermisPanel, bpy.types.Panel):
         column.scale_y = 1.35
         column.enabled = store.state(context.scene) != "none"
         column.operator("dermis.export_tracks", icon="EXPORT")
-        if store.state(context.scene) not in ("fresh", "earlier"):  # else it stands in the head
+        if store.state(context.scene) not in ("fresh", "earlier"):  # in these states the head of the tab has it
             export_box(layout, context.scene)
         properties(layout, settings, "output_dir", "export_format", keys=False)
         rows = core.track.formats.FORMATS[settings.export_format].settings
@@ -100,7 +100,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
             self.layout.label(text="", icon="ERROR")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the tracks, and the ways to look at them."""
+        """Draw the tracks, and the buttons that show them."""
         layout, scene = self.layout, context.scene
         state, result = store.state(scene), store.current(scene)
         if result is None:
@@ -130,11 +130,11 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
             row.active = False
             row.label(text=f"{len(track.times):,} samples, {duration:.2f} s at {track.spec.rate:g} Hz", icon="BLANK1")
             for name, count in track.limited.items():
-                if count and not told:  # else the findings say it
+                if count and not told:  # otherwise the findings give it
                     box.label(text=f"{count:,} limited: {name.replace('_', ' ').replace('.', ', ')}", icon="ERROR")
 
     def _ways(self, context: bpy.types.Context) -> None:
-        """Draw the ways to look at it in Blender's own editors."""
+        """Draw the buttons that show the result in Blender's own editors."""
         column = self.layout.column(align=True)
         row = column.row(align=True)
         row.prop(context.scene.dermis, "show_strip", text="Strip", toggle=True, icon="TIME")
@@ -185,12 +185,12 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Show only where there are any, and only those of this scene."""
+        """Show the panel only if there are findings, and not of another scene."""
         scene = reporting.source().partition(" of ")[2]
         return bool(reporting.findings()) and scene in ("", context.scene.name)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw errors first, each with a way to its place."""
+        """Draw the findings, errors first, each with a button that goes to its place."""
         numbered = tuple(enumerate(reporting.findings()))
         if reporting.source():
             row = self.layout.row()

@@ -17,7 +17,7 @@ from ..streaming import (
 )
 from .main import DermisPanel
 
-MAX_OFFERS = 4  # a file may hold any number
+MAX_OFFERS = 4  # number of offers that are drawn; a file may hold any number
 
 
 class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
@@ -29,7 +29,7 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header(self, context: bpy.types.Context) -> None:
-        """Show in a closed panel too that something waits for a person."""
+        """Show, even in a closed panel, that an offer waits for a person."""
         if built_devices.at_hand() and calibration_offers.offers(context.scene):
             self.layout.label(text="", icon="INFO")
 
@@ -102,7 +102,7 @@ class DERMIS_PT_stream_calibration(DermisPanel, bpy.types.Panel):
             row.operator(f"dermis.{words}_load", text="", icon="FILE_FOLDER").channel = channel.name
 
 
-_said: dict[str, str] = {}  # by actuator, unit and measurement: a panel is drawn often
+_said: dict[str, str] = {}  # words by actuator, unit and measurement, kept because a panel is drawn often
 
 
 def _words(part: str, text: str, scene: Any, channel: str) -> str:
@@ -126,7 +126,7 @@ class DERMIS_MT_built(bpy.types.Menu):
     bl_label = "Built Device"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw those that are known."""
+        """Draw the known devices."""
         layout = self.layout
         if not built_devices.at_hand():
             return

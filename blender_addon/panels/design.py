@@ -41,7 +41,7 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
     bl_parent_id = "DERMIS_PT_devices"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the table's state, and the way to make it."""
+        """Draw the state of the table, and the button that makes it."""
         layout, obj = self.layout, context.object
         device = shown.active_device(context.scene, obj, "platform")
         if device is not None and choices.kind_of(device.preset) == "hexapod":
@@ -81,7 +81,7 @@ class DERMIS_UL_design_touches(bpy.types.UIList):
     def draw_item(
         self, _context: Any, layout: Any, _data: Any, item: Any, _icon: int, _active: Any, _property: str, _index: int
     ) -> None:
-        """Draw one touch; a scene without a bake says so."""
+        """Draw one touch; mark a scene without a fresh bake."""
         if item.scene is None:
             layout.prop(item, "filepath", text="", emboss=False, icon="FILE")
             return

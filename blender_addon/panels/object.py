@@ -73,7 +73,7 @@ class DERMIS_PT_screen(DermisPanel, bpy.types.Panel):
         column = properties(layout, screen, "source")
         if screen.source == "IMAGE":
             row = column.row()
-            row.use_property_split = False  # else its name has no room beside its buttons
+            row.use_property_split = False  # a split would leave no room for the image's name beside its buttons
             row.template_ID(screen, "image", new="image.new", open="image.open")
             if screen.image is None:
                 paragraph(layout, context, "Choose the image whose brightness is the relief.", "RIGHTARROW")
@@ -111,7 +111,7 @@ class DERMIS_PT_screen(DermisPanel, bpy.types.Panel):
 
 
 def _names(devices: Any) -> list[str]:
-    """Return the names of a finger's devices, of which none is there twice."""
+    """Return the names of a finger's devices, numbered so that no two are the same."""
     return core.track.file_names.numbered([choices.title("devices", device.preset) for device in devices])
 
 
@@ -123,7 +123,7 @@ class DERMIS_UL_devices(bpy.types.UIList):
     def draw_item(
         self, _context: Any, layout: Any, data: Any, item: Any, _icon: int, _active: Any, _property: str, index: int
     ) -> None:
-        """Draw one device with its switch, by its name in results; one that cannot be used says so."""
+        """Draw a device's name and its switch; mark a device that cannot be used."""
         entry = choices.entry("devices", item.preset)
         broken = choices.known() and (entry is None or entry.error is not None)
         icon = "ERROR" if broken else choices.icon(choices.kind_of(item.preset))
@@ -203,7 +203,7 @@ def _pins(layout: Any, _context: bpy.types.Context, device: Any) -> None:
     column.prop(device, "pin_fade_out")
 
 
-# Kinds whose settings depend on each other; those of others are drawn as their row lists them.
+# Functions for kinds whose settings depend on each other. Other kinds: the settings are drawn as `KINDS` lists them.
 SETTINGS = {
     "shear_tactor": _tactor,
     "friction_screen": _friction_screen,
@@ -224,12 +224,12 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Need a device."""
+        """Return whether a device is chosen in the list."""
         finger = context.object.dermis.finger
         return 0 <= finger.active_device < len(finger.devices)
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw what this kind of device can be told."""
+        """Draw the settings of this kind of device."""
         layout, finger = self.layout, context.object.dermis.finger
         device = finger.devices[finger.active_device]
         editable(layout, context.object)

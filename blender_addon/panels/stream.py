@@ -1,4 +1,7 @@
-"""The live link: port, arm, stop, and how things stand. Draws the last heartbeat; asks nobody."""
+"""Panels of the live link: port, arm, stop, and status.
+
+They draw the status at the last heartbeat, and send no query.
+"""
 
 from functools import lru_cache
 from typing import Any
@@ -24,7 +27,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw_header(self, _context: bpy.types.Context) -> None:
-        """Show in a closed panel too that something is connected, or may move."""
+        """Show, even in a closed panel, that a device is connected or may move."""
         if session.connected():
             now = session.status()
             row = self.layout.row()
@@ -139,14 +142,15 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
                 if count:
                     channel, _, kind = name.rpartition(".")
                     box.label(text=f"Limited, {channel.replace('_', ' ')}, {kind}: {count:,}", icon="ERROR")
-            sent = now.get("counters", {}).get("sent")  # before that nothing is driven, wherever the motors are
+            # Before a first message nothing is driven, so no values are shown.
+            sent = now.get("counters", {}).get("sent")
             driven = zip(now.get("names", ()), now.get("units", ()), now.get("values", ()), strict=False)
             for name, unit, value in driven if sent else ():
                 box.label(text=f"{name.replace('_', ' ')}: {quantity(value, unit)}")
 
 
 def _sensed(sensed: dict[str, dict[str, float | None]]) -> list[str]:
-    """Return the measurements of the actuators, a line a quantity: the channel with the most of it."""
+    """Return a line for each measured quantity, with the channel of the largest value."""
     lines = []
     for what, by_channel in sensed.items():
         known = {name: abs(value) for name, value in by_channel.items() if value is not None}
@@ -217,7 +221,7 @@ class DERMIS_MT_ports(bpy.types.Menu):
     bl_label = "Ports"
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the list as it is known."""
+        """Draw the ports and boards that are known."""
         box = self.layout.operator("dermis.stream_use_port", text="The simulated device", icon="GHOST_ENABLED")
         box.port = "virtual:"
         for name, description in session.found_ports():

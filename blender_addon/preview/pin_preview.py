@@ -1,7 +1,7 @@
-"""The forces of pin arrays and the skin that they render at the current frame, and where pins act on a finger.
+"""Pin arrays at the current frame: forces, rendered skin, points of action.
 
-Pins follow the skin that `skin_preview` solves, or that a bake has kept. Points of action are where a pin's line meets
-the skin at rest, from the engine; they are computed once for a size of finger and a device.
+Pins follow the skin that `skin_preview` solves, or that a bake has kept. A point of action is the point at which the
+line of a pin meets the skin at rest. The engine computes these points once for a skin and a device.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ from .skin_state import SkinState
 
 
 class Pins(NamedTuple):
-    """Where a device's pins act on a finger, in the finger's frame.
+    """Points of action of a device's pins, in the finger's frame.
 
     Attributes:
-        points: [m], shape (pins, 3), NaN where a pin misses. directions: of their motion, shape (pins, 3).
+        points: points of action [m], shape (pins, 3); NaN for a pin that misses the skin.
+        directions: directions of the pins' motion, shape (pins, 3).
         radius: radius of a pin [m].
         force_limit: largest force of each pin [N], shape (pins,).
         rows, columns: number of rows and columns of the array.
@@ -43,11 +44,13 @@ class Pins(NamedTuple):
 
 _pins: core.recent.Recent[tuple[str, str], Pins] = core.recent.Recent(8)
 _states: dict[str, tuple[SkinState, tuple[Any, ...], tuple[SkinState, Array]]] = {}
-_ready: dict[str, tuple[Any, ...]] = {}  # by finger, the key of its matrices
+_ready: dict[str, tuple[Any, ...]] = {}  # by finger, the inputs for which its matrices have been made
 
 
 def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
-    """Return the pins of a device on a finger; None while the skin is being made, or where the preset cannot be read.
+    """Return the pins of a device on a finger.
+
+    None while the skin is being made, or if the preset cannot be read.
 
     Raises:
         DermisError: a skin or a layout that cannot be used.
@@ -60,9 +63,10 @@ def pins_of(obj: bpy.types.Object, device: str) -> Pins | None:
 
 
 def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[SkinState, ...]:
-    """Return, for every skin with a pin array, the skin as its pins render this very frame.
+    """Return the skins as pin arrays render them at this frame.
 
-    Fades and lead, which belong to the track, are left out: shown is the best that the method can do for the target.
+    There is one for every touched skin with a pin array. Fades and lead belong to the track and are left out, so that
+    the result is the best that the method can do for the target.
     """
     followed = followers.wearers_of(scene, targets, "pins")
     states = tuple(_matched(target, device, spec)[0] for target, _, device, spec in followed if target.touching)
@@ -72,7 +76,7 @@ def rendered(scene: bpy.types.Scene, targets: Sequence[SkinState]) -> tuple[Skin
 
 
 def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
-    """Return the rows of the pin arrays of fingers whose skin is solved at the current frame, without a bake."""
+    """Return the rows of pin arrays that follow a live skin at this frame."""
     rows = []
     for target, _, device, spec in followers.wearers_of(scene, skins, "pins"):
         if target.source != "live":
@@ -86,11 +90,11 @@ def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, 
 
 
 def prepare(scene: bpy.types.Scene, target: SkinState) -> Iterator[None]:
-    """Match a finger's pins with the skin of the current frame; yield while the set-up for that is made."""
+    """Match a finger's pins with the skin of this frame; yield during the set-up."""
     for skin, _, device, spec in followers.wearers_of(scene, (target,), "pins"):
         model, nodes = skin.model, device.pin_nodes
         if skin.source == "live" and skin.touching and _ready.get(skin.finger) != (model, spec.hash, nodes):
-            with suppress(DermisError):  # said where it is matched
+            with suppress(DermisError):  # `_matched` gives the reason
                 yield from loading.aside(lambda: _set_up(model, spec, nodes))  # noqa: B023 (done within the turn)
             _ready[skin.finger] = (model, spec.hash, nodes)
         if skin.source == "live" and skin.touching:
@@ -116,11 +120,14 @@ def _set_up(model: core.skin.model.SkinModel, spec: core.devices.spec.DeviceSpec
     nothing = core.skin.stimulus.Stimulus(model, np.zeros((model.pad_count, 3)))
     with skin_models.one_thread():
         core.matching.pins.setup(model, spec, nodes)
-        core.skin.observation.stress_error(nothing, nothing)  # makes the parts that reading whole stress needs
+        core.skin.observation.stress_error(nothing, nothing)  # makes the matrices that `stress_error` needs
 
 
 def _matched(target: SkinState, device: Any, spec: Any) -> tuple[SkinState, Array]:
-    """Return the skin as the pins render it, and the pins' forces [N]; kept while skin and settings stay."""
+    """Return the skin as the pins render it, and the pins' forces [N].
+
+    The result is kept while skin and settings stay the same.
+    """
     key = (device.preset, device.pin_method, device.pin_nodes, device.pin_bounded, changes.lineage())
     kept = _states.get(target.finger)
     if kept is not None and kept[0] is target and kept[1] == key:

@@ -1,4 +1,4 @@
-"""The devices at one frame: a row each, wherever its values come from."""
+"""Rows of a preview: the values of each device at one frame."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ FULL_SCALE = {"m": 2e-3, "N": 0.4}  # by unit, where a preset states no limit. S
 
 
 def goes_on(gap: float) -> bool:
-    """Return whether a step of so many seconds continues the frame before: playback may skip frames, but not jump."""
+    """Return whether a step of `gap` seconds continues the frame before.
+
+    Playback may skip frames; a longer step is a jump.
+    """
     return 1e-9 < gap <= STEP_SECONDS
 
 
@@ -30,8 +33,9 @@ def origin(first: float, since: float | None, *, begins: bool) -> str:
     """Return the view's words on where a live frame comes from.
 
     Args:
-        first: frame at which everything was at rest. since: that of the kept state from which this one was reached.
-        begins: it is the frame at rest itself.
+        first: frame at which everything was at rest.
+        since: frame of the kept state from which this frame was reached; None without one.
+        begins: whether this is the frame at rest itself.
     """
     if since is not None:
         return f"live, from the state kept at frame {since:g}"
@@ -78,12 +82,12 @@ class Row:
 
     @property
     def drawn(self) -> core.devices.kinds.Drawn:
-        """Return how the device is drawn, as its kind's row says; '' where it lacks the channels for that."""
+        """Return the style of drawing of the device's kind, '' if it lacks channels."""
         kind = core.devices.kinds.KINDS.get(self.kind)
         return kind.drawn if kind is not None and NEEDED.get(kind.drawn, set()) <= set(self.values) else ""
 
     def full_scale(self, name: str) -> float:
-        """Return the value of a channel at which its drawing is full [SI]."""
+        """Return the value of a channel that fills its drawing [SI]."""
         return self.high.get(name) or FULL_SCALE.get(self.units[name], 1.0)
 
 

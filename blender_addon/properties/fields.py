@@ -1,4 +1,4 @@
-"""How a parameter's row becomes a property, and a group's properties the engine's values.
+"""Conversion of parameters to properties, and of properties to values.
 
 `core/parameters/` has the rows: name, unit, default, range, text and the name under which a .blend saves the property.
 Settings unknown to the engine, such as those of the view, are declared where they belong, by the same functions.
@@ -27,8 +27,8 @@ Update = Callable[[Any, Any], None]
 NO_UPDATES: Mapping[str, Update] = {}
 OVERRIDE = {"LIBRARY_OVERRIDABLE"}
 SOFT = ("soft_min", "soft_max")
-SIGNIFICANT = ".7g"  # what single precision keeps: 0.1 typed by a person is meant, not 0.10000000149
-SINGLE = 1e-6  # relative: what single precision is off by, and more
+SIGNIFICANT = ".7g"  # digits that single precision keeps: 0.1 typed by a person means 0.1, not 0.10000000149
+SINGLE = 1e-6  # relative error, larger than that of single precision
 # Units that Blender shows by itself; others stand behind the label.
 _SHOWN: dict[str, dict[str, str]] = {
     "mm": {"unit": "CAMERA"},
@@ -46,12 +46,15 @@ def touched(_self: Any, _context: Any) -> None:
 
 
 def unfelt(self: Any, _context: Any) -> None:
-    """Note that no bake depends on what changes."""
+    """Note that no bake depends on the setting that changed."""
     changes.expect(self.id_data)
 
 
 def redrawn(self: Any, context: Any) -> None:
-    """Draw the views again: how they show something has changed, and no bake depends on that."""
+    """Request a redraw, because a setting of the display has changed.
+
+    No bake depends on such a setting of a scene.
+    """
     if isinstance(self.id_data, bpy.types.Scene):
         unfelt(self, context)
     redraw.request()
@@ -112,7 +115,7 @@ def declare_one(
 
 
 def switch(name: str, text: str, default: bool, update: Update = touched) -> Any:
-    """Declare a switch of ours that stays constant over a scene."""
+    """Declare a switch that the engine does not have, constant over a scene."""
     return BoolProperty(name=name, description=text, default=default, options=set(), update=update, override=OVERRIDE)
 
 
@@ -124,7 +127,8 @@ def values(group: Any, *tables: core.parameters.parameter.Table) -> dict[str, An
 def value_of(group: Any, row: core.parameters.parameter.Parameter) -> Any:
     """Return one value of a group in SI.
 
-    The window's own ends are stored in single precision too, a little beyond the row's; they are meant to be these.
+    Blender stores a property's limits in single precision, a little beyond those of the row. A value at such a limit
+    becomes the limit of the row.
     """
     value = getattr(group, row.saved)
     if not isinstance(value, float):

@@ -119,7 +119,7 @@ TABLES: dict[type, core.parameters.parameter.Table] = {
 
 
 def parameters(group: Any) -> dict[str, Any]:
-    """Return a group's values in SI, by the engine's names: what `Body.parameters` and its like take."""
+    """Return a group's values in SI, by the engine's names, as in `Body.parameters`."""
     return values(group, TABLES[type(group)])
 
 

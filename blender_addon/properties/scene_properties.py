@@ -52,7 +52,7 @@ FILE_VERSION = 1  # raise it when a property is renamed or means something else,
 
 
 def _choose(settings: Any, own: bool) -> None:
-    """Set the range as scripts written before `bake_range` mean it."""
+    """Set the range from `use_range`, which scripts older than `bake_range` set."""
     settings.bake_range = "OWN" if own else "PREVIEW"
 
 

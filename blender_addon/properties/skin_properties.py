@@ -178,14 +178,17 @@ def lengths(skin: Any) -> dict[str, float]:
 
 
 def own_mesh(text: str) -> dict[str, str]:
-    """Return a mesh file's path and, where it can be read, its hash, worked out anew when the file changes."""
+    """Return a mesh file's path and, if it can be read, its hash.
+
+    The hash is computed again when the file changes.
+    """
     path = Path(bpy.path.abspath(text))
     try:
         file = path.stat()
         key = (str(path), file.st_mtime_ns, file.st_size)
         digest = _digests.make(key, lambda: core.skin.own_mesh.digest(path))
     except (OSError, ValueError, DermisError):
-        return {"mesh": str(path)}  # rendering says why
+        return {"mesh": str(path)}  # rendering reports the reason
     return {"mesh": str(path), "mesh_hash": digest}
 
 
@@ -200,12 +203,15 @@ def parameters(skin: Any) -> dict[str, Any]:
 
 
 def tissue(skin: Any) -> str:
-    """Return a finger's tissue: of a choice that older versions had besides, Blender says none, and it is this one."""
+    """Return a finger's tissue.
+
+    Older versions had one more choice. For this choice Blender returns '', and neo-Hookean tissue takes its place.
+    """
     return str(skin.tissue) or core.parameters.error_bands.NEO_HOOKEAN
 
 
 def settle() -> None:
-    """Set what files of older versions say by a choice that there is no more."""
+    """Replace the choice of tissue that only older versions had."""
     for obj in bpy.data.objects:
         if obj.dermis.role == "FINGER" and not obj.dermis.finger.skin.tissue:
             obj.dermis.finger.skin.tissue = core.parameters.error_bands.NEO_HOOKEAN
@@ -218,6 +224,9 @@ def apply_preset(skin: Any, values: dict[str, Any]) -> None:
 
 
 def _rounded(skin: Any, table: core.parameters.parameter.Table) -> dict[str, Any]:
-    """Return values in SI without the dust of single precision, so that equal skins share one stored model."""
+    """Return values in SI, rounded to the digits of single precision.
+
+    Equal skins then share one stored model.
+    """
     found = {name: value_of(skin, row) for name, row in table.items()}
     return {n: float(format(v, SIGNIFICANT)) if isinstance(v, float) else v for n, v in found.items()}

@@ -1,4 +1,7 @@
-"""Which built device answered: told by the id that it says, or by the serial number of its USB port."""
+"""Recognition of the built device that answered.
+
+A device is recognized by the id that it reports, or by the serial number of its USB port.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,10 @@ UNREAD = Shown("Built Device", "", False)  # while the folder of devices is bein
 
 
 def serials(status: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the identifiers that tell the connected device from others of its kind, the best first; empty for none."""
+    """Return identifiers of the connected device, the best first.
+
+    They distinguish it from others of its kind. The tuple is empty if there are none.
+    """
     said, port = status.get("device", ""), (status.get("received") or {}).get("usb_serial", "")
     known = ("" if said in built_devices.COMMON_IDS else said, "".join(c for c in port if c.isprintable()).strip())
     return tuple(text[:100] for text in known if text)
@@ -58,7 +64,7 @@ def check(scene: bpy.types.Scene) -> None:
     """Refuse a calibration of another device than the one that answered.
 
     Raises:
-        DermisError: it is, or its file cannot be read.
+        DermisError: another device answered, or the calibration's file cannot be read.
     """
     one = device_calibration.worn_by(scene)
     if one is not None and _is_another(one):
@@ -72,18 +78,21 @@ def check(scene: bpy.types.Scene) -> None:
 
 
 def answered() -> tuple[str, ...]:
-    """Return the serial numbers by which the connected device can be told, the best first."""
+    """Return the identifiers of the connected device, the best first, see `serials`."""
     return _answered
 
 
 def forget() -> None:
-    """Forget the device: it is let go."""
+    """Forget the device, because it is disconnected."""
     global _answered, _recognised
     _answered, _recognised = (), ""
 
 
 def meet(scene: bpy.types.Scene, status: Mapping[str, Any]) -> str:
-    """Look who answered, once; return a message to read before arming, '' for none."""
+    """Recognize the device that answered, once; return a message, '' for none.
+
+    A person should read the message before arming.
+    """
     global _answered, _recognised
     try:
         said = serials(status)
@@ -97,7 +106,10 @@ def meet(scene: bpy.types.Scene, status: Mapping[str, Any]) -> str:
 
 
 def is_another(scene: bpy.types.Scene) -> bool:
-    """Return whether another device answered than the one that the list is of; a file that is gone tells nothing."""
+    """Return whether another device answered than that of the list.
+
+    False if the file of the list's device cannot be read.
+    """
     with suppress(DermisError):
         one = device_calibration.worn_by(scene)
         return one is not None and _is_another(one)
@@ -105,7 +117,7 @@ def is_another(scene: bpy.types.Scene) -> bool:
 
 
 def advice(scene: bpy.types.Scene) -> str:
-    """Return the device that the listed actuators are calibrated as, and remarks on that, in words."""
+    """Return words on the calibration of the listed actuators, '' for none."""
     settings = scene.dermis_stream
     one = device_calibration.worn_by(scene)
     if one is not None:
@@ -126,9 +138,10 @@ def _is_another(one: Any) -> bool:
 
 
 def _recognise(scene: bpy.types.Scene) -> str:
-    """Calibrate a finger whose device nobody has chosen as the one that answered; return a message.
+    """Use the calibration of the device that answered; return a message.
 
-    Only where exactly one is known by this serial number, and nothing was changed by hand.
+    This is done only if nobody has chosen a device for the finger, exactly one known device has the serial number, and
+    the list has no unsaved changes.
     """
     owner = scene.dermis_stream.channels_owner
     known = [b for b in built_devices.devices(owner.rpartition(": ")[2]) if b.made.serial in _answered]

@@ -1,4 +1,7 @@
-"""Calibrations that came with a .blend, or were changed and never saved: offered to a person, and driven by nobody."""
+"""Offers: calibrations that a person may save, and that drive nothing.
+
+They came with a .blend, or were changed and never saved.
+"""
 
 from __future__ import annotations
 
@@ -13,18 +16,21 @@ from . import built_devices, streamed_track
 from .calibration_rows import Rows, calibrated, calibration, fill, quietly, rows_of, same
 
 T = TypeVar("T")
-_SESSION = os.urandom(16).hex()  # a list that does not say this is from a file
+_SESSION = os.urandom(16).hex()  # identity of this session; a list with another one came with a file
 
 
 class Offer(NamedTuple):
-    """A calibration that belongs to no device known here: its device by its own account, and its numbers."""
+    """A calibration of no device that this computer knows.
+
+    Its name is 'finger: device', as the file has it.
+    """
 
     name: str
     channels: Rows
 
 
 class Shelved(NamedTuple):
-    """A calibration that is put by: see `streaming_properties.DermisStreamCalibration`."""
+    """A calibration on the shelf, see `streaming_properties.DermisStreamCalibration`."""
 
     name: str
     owner: str
@@ -39,7 +45,7 @@ def is_ours(settings: Any) -> bool:
 
 
 def adopt(scene: bpy.types.Scene) -> None:
-    """Make the list this session's; a list that came with the file goes to the offers."""
+    """Make the list one of this session; a list that came with the file is offered."""
     settings = scene.dermis_stream
     if is_ours(settings):
         return
@@ -54,7 +60,7 @@ def adopt(scene: bpy.types.Scene) -> None:
 
 
 def offers(scene: bpy.types.Scene) -> list[Offer]:
-    """Return the calibrations in the scene that are no known device's, for a person to save or drop. Writes nothing."""
+    """Return the scene's offers, for a person to save or drop. Writes nothing."""
     settings = scene.dermis_stream
     if is_ours(settings):
         return [Offer(e.name, rows_of(e.channels)) for e in settings.shelf if e.found]
@@ -66,10 +72,12 @@ def offers(scene: bpy.types.Scene) -> list[Offer]:
 
 
 def keep_offer(scene: bpy.types.Scene, index: int, name: str) -> Any:
-    """Save a calibration that came with the file as a built device's; it is put on no finger. Return the device.
+    """Save an offer as the calibration of a built device; return the device.
+
+    No finger wears the device by this.
 
     Raises:
-        DermisError: it is gone, its name or preset will not do, or the file cannot be written.
+        DermisError: the offer is gone, its name or preset is not valid, or the file cannot be written.
     """
     adopt(scene)
     offer = _at(offers(scene), index)
@@ -81,10 +89,10 @@ def keep_offer(scene: bpy.types.Scene, index: int, name: str) -> Any:
 
 
 def drop_offer(scene: bpy.types.Scene, index: int) -> None:
-    """Forget a calibration that came with the file.
+    """Forget an offer.
 
     Raises:
-        DermisError: it is gone.
+        DermisError: the offer is gone.
     """
     adopt(scene)
     shelf = scene.dermis_stream.shelf
@@ -94,19 +102,23 @@ def drop_offer(scene: bpy.types.Scene, index: int) -> None:
 
 
 def shelve(scene: bpy.types.Scene, what: Shelved) -> None:
-    """Put a calibration by."""
+    """Add a calibration to the shelf."""
     entry = scene.dermis_stream.shelf.add()
     entry.name, entry.owner, entry.found, entry.file = what.name, what.owner, what.found, what.file
     fill(entry.channels, what.channels)
 
 
 def shelved(entry: Any) -> Shelved:
-    """Return a calibration that was put by."""
+    """Return the calibration of an entry of the shelf."""
     return Shelved(entry.name, entry.owner, entry.found, entry.file, rows_of(entry.channels))
 
 
 def _at(found: Sequence[T], index: int) -> T:
-    """Return one of the entries that came with the file; a button may be older than its entry."""
+    """Return one of the offers.
+
+    Raises:
+        DermisError: there is no such offer; a button may have been drawn before the offer went.
+    """
     if not 0 <= index < len(found):
         raise DermisError("this file holds no such calibration any more", value=index)
     return found[index]

@@ -37,7 +37,7 @@ def _chosen(self: Any, context: Any) -> None:
     if calibration_rows.restoring():
         return
     streamed_track.choose(self.id_data)
-    if self.channels:  # they are one finger's: the list follows the choice, connected or not
+    if self.channels:  # the list is of one finger, so it follows the choice, connected or not
         with suppress(DermisError):
             device_calibration.fill_channels(self.id_data)
     session.changed()
@@ -47,7 +47,7 @@ def _agreed(name: str, then: Update) -> Update:
     """Return the update callback of a path: a person who sets it agrees to it."""
 
     def update(self: Any, context: Any) -> None:
-        agreed_paths.confirm(agreed_paths.claims(self, name))  # no file that is opened comes through here
+        agreed_paths.confirm(agreed_paths.claims(self, name))  # opening a file does not call this
         then(self, context)
 
     return update
@@ -59,7 +59,7 @@ def _log_chosen(self: Any, context: Any) -> None:
 
 
 def _log_switched(self: Any, context: Any) -> None:
-    if not self.log_folder:  # the extension's own; a folder that came with a file is asked about by Connect
+    if not self.log_folder:  # the extension's own folder; Connect asks about a folder that came with a file
         agreed_paths.confirm_log(self)
     _changed(self, context)
 

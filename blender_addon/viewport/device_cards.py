@@ -1,4 +1,4 @@
-"""The cards of devices: the current values of each, drawn as its kind is best read, or in one line."""
+"""Cards of devices: current values, drawn by the device's kind or in one line."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from .parts import heat
 from .twin import Twin
 
 WIDTH, DIAL, LINE, MARGIN = 260, 92, 17, 12
-FOLDED = 22  # how tall a card of one line is [px at scale 1]
+FOLDED = 22  # [px at scale 1] height of a card of one line
 FAINT = (*INK[:3], 0.35)
 
 
 def height(row: Row) -> float:
-    """Return how tall a row's open card is [px at scale 1]."""
+    """Return the height of a row's open card [px at scale 1]."""
     if row.drawn == "platform":
         return platform_card.height(row) + 2.0 * MARGIN
     tall = row.drawn in ("tactor", "coil", "pins", "thimble")
@@ -65,7 +65,7 @@ def line(row: Row, place: Box, scale: float) -> None:
 
 
 def _shorter(row: Row) -> list[str]:
-    """Return ways to name finger and device in fewer words, the longest first."""
+    """Return shorter names of finger and device, the longest first."""
     words = row.title.split()
     return [f"{row.finger}   {' '.join(words[:count])}" for count in range(len(words) - 1, 0, -1)]
 
@@ -118,7 +118,10 @@ def _dial(row: Row, left: float, bottom: float, scale: float) -> None:
 
 
 def _wave(row: Row, left: float, bottom: float, width: float, scale: float) -> None:
-    """Draw the last moments of a voltage, now at the right end: a single value of a vibration says nothing."""
+    """Draw the last moments of a voltage, with the present at the right end.
+
+    A single value of a vibration would say nothing.
+    """
     reach, half = row.full_scale("voltage"), 0.5 * (DIAL - LINE) * scale
     middle = bottom + half + 1.25 * LINE * scale
     _line2d(np.array([(left, middle), (left + width, middle)]), FAINT, 1.0)

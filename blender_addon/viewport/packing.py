@@ -1,8 +1,8 @@
-"""Where cards go in a view: boxes in, places out. Knows nothing of Blender.
+"""Places for cards in a view, computed without Blender.
 
-Cards are stacked in strips: columns from the left, or rows from the bottom. A strip takes the longest stretch that
-nothing else covers, as many cards as go into it, in their order, and leaves the free rest before them; so columns stand
-on the view's lower edge, and rows end at its right.
+Cards are stacked in strips: columns from the left, or rows from the bottom. In a strip, only the longest part that
+nothing covers is used. It takes as many cards as fit, in their order, at its end. So columns stand on the view's lower
+edge, and rows end at its right edge.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Box(NamedTuple):
-    """A rectangle; any unit will do."""
+    """A rectangle, in any unit."""
 
     left: float
     bottom: float
@@ -30,7 +30,7 @@ class Box(NamedTuple):
         return self.bottom + self.height
 
     def scaled(self, scale: float) -> Box:
-        """Return it that many times as large, and as far away."""
+        """Return the box with its size and its place multiplied by a factor."""
         return Box(*(scale * value for value in self))
 
     def meets(self, other: Box) -> bool:
@@ -62,14 +62,15 @@ def rows(widths: Sequence[float], height: float, room: Box, taken: Sequence[Box]
 
 
 def folding(opened: Sequence[float], folded: float, place: Place) -> tuple[int, list[Box]]:
-    """Fold as few of the last cards as it takes to show all.
+    """Fold as few of the last cards as are needed to show all.
 
     Args:
-        opened: how long each card is. folded: how long any is that is folded to a line. place: see `columns`.
+        opened: lengths of the open cards. folded: length of a card that is folded to a line.
+        place: function that places cards of given lengths, such as `columns`.
 
     Returns:
-        How many stay open, and the places. Fewer places than cards: not even folded ones all fit, and the last place,
-        where there is any, is for words that say how many are missing.
+        The number of open cards, and the places. If there are fewer places than cards, not even folded cards all fit.
+        The last place, if there is any, is then for words that say how many cards are missing.
     """
     count = len(opened)
     for kept in range(count, -1, -1):

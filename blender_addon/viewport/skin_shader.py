@@ -56,7 +56,7 @@ _ready: dict[str, Ready] = {}
 
 
 def on_card(state: SkinState, drawn: Drawn) -> Ready:
-    """Return a skin's batches, made anew where its values are others."""
+    """Return a skin's batches, made anew if its drawing has changed."""
     ready = _ready.get(state.finger)
     if ready is not None and ready.drawn is drawn:
         return ready
@@ -90,7 +90,13 @@ def draw(
     linear: bool = False,
     contours: float = 0.3,
 ) -> None:
-    """Draw a batch: opacity, the share of it that no value has (fill), and bias [m] towards the eye."""
+    """Draw a batch.
+
+    Args:
+        opacity: opacity of the large values. fill: share of it at the value zero.
+        bias: shift towards the eye [m]. light: strength of the shading, 0 to 1.
+        linear: write linear colours, not sRGB. contours: strength of the lines of equal value.
+    """
     import gpu
 
     shader = _shader()
@@ -145,6 +151,6 @@ def _texture(name: str) -> Any:
 
 
 def forget() -> None:
-    """Let go of everything on the graphics card."""
+    """Release everything on the graphics card."""
     _gpu.clear()
     _ready.clear()

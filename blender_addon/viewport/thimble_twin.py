@@ -17,7 +17,7 @@ from .parts import Colour, Part, bars, joined, lathe, placed
 BASE: Colour = (0.24, 0.27, 0.31, 0.55)
 LINK: Colour = (0.62, 0.66, 0.70, 0.95)
 DISC: Colour = (0.36, 0.62, 1.0, 0.60)
-NEAR_LIMIT = 0.85  # of a servo's range: from here on its crank turns orange
+NEAR_LIMIT = 0.85  # share of a servo's range from which on its crank turns orange
 WARNING: Colour = (1.0, 0.52, 0.10, 1.0)
 CRANK, ROD = 1.0e-3, 0.7e-3  # half widths [m]
 DISC_HEIGHT, RING = 1.2e-3, 1.2e-3
@@ -25,7 +25,7 @@ POINTER = 8e-3  # [m] below the disc
 
 
 class Joints(NamedTuple):
-    """Where a thimble's joints are, in the finger's frame [m].
+    """Positions of a thimble's joints in the finger's frame [m].
 
     Attributes:
         servo, knee, platform: joints of the three legs, shape (3, 3).
@@ -44,7 +44,7 @@ def joints(device: Any, angles: Array, start: Array) -> Joints:
     """Return a thimble's joints for servo angles from neutral [rad].
 
     Args:
-        start: configuration to look from: pitch, roll [rad], distance [m].
+        start: configuration at which the search starts: pitch, roll [rad], distance [m].
 
     Raises:
         DermisError: no pose of the platform has these angles.
@@ -61,7 +61,11 @@ def joints(device: Any, angles: Array, start: Array) -> Joints:
 
 
 def parts(device: Any, at: Joints, shares: Array) -> Part:
-    """Return the whole twin; `shares` is how much of its range each servo uses, 0 to 1, shape (3,)."""
+    """Return the whole twin.
+
+    Args:
+        shares: share of its range that each servo uses, 0 to 1, shape (3,).
+    """
     warm = np.clip((shares - NEAR_LIMIT) / (1.0 - NEAR_LIMIT), 0.0, 1.0)[:, None]
     middle = at.pose[:3, 3] + 0.5 * (at.platform - at.pose[:3, 3])
     links = bars(
@@ -80,7 +84,9 @@ def pointer(pose: Array) -> Array:
 
 
 def loops(device: Any, around: float) -> list[Array]:
-    """Return where the pointer can go: a closed loop for each of several heights, in the finger's frame [m].
+    """Return closed loops that bound the pointer's reach, one for each of several heights.
+
+    They are in the finger's frame [m].
 
     Raises:
         DermisError: the level platform does not reach `around`.
@@ -99,7 +105,7 @@ def servo_angles(row: Row) -> Array:
 
 
 def shares(row: Row) -> Array:
-    """Return how much of its range each servo uses, 0 to 1, shape (3,)."""
+    """Return the share of its range that each servo uses, 0 to 1, shape (3,)."""
     used = []
     for name in core.devices.servo_limits.SERVOS:
         angle = row.values[name]
@@ -115,7 +121,7 @@ def disc(radius: float) -> Part:
 
 @lru_cache(16)
 def _base(radius: float, mount: tuple[float, ...]) -> Part:
-    """Return the ring where it is mounted, which no servo moves."""
+    """Return the ring at its mount; no servo moves it."""
     return placed(ring(radius), np.array(mount).reshape(4, 4))
 
 

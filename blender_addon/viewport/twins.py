@@ -1,4 +1,7 @@
-"""The twin of each device, worked out for a row of the preview; slow results are kept while nothing changes."""
+"""Twins of devices, computed for the rows of a preview.
+
+Slow results are kept while nothing changes.
+"""
 
 from __future__ import annotations
 
@@ -16,14 +19,14 @@ from . import paint, pin_twin, platform_twin, tactor_twin, thimble_twin
 from .parts import Line, Part, faint, heat
 from .twin import Twin
 
-HIDDEN = 0.45  # opacity of a part that an object hides: where a finger touches, one always does
+HIDDEN = 0.45  # opacity of the parts of a twin that an object hides, as the touched object always does
 _mechanisms: core.recent.Recent[tuple[Any, ...], core.devices.thimble.Thimble] = core.recent.Recent(8)
 _loops: core.recent.Recent[str, list[Array]] = core.recent.Recent(8)
 _platforms: core.recent.Recent[tuple[Any, ...], Twin] = core.recent.Recent(8)
 
 
 def twin_of(scene: bpy.types.Scene, row: Row) -> Twin | None:
-    """Return a row's twin; None for other devices, and where a preset or values give no place."""
+    """Return a row's twin; None if its kind has none, or if no pose is found."""
     obj = identity.named(scene, row.finger)
     if obj is None:
         return None
@@ -69,7 +72,10 @@ def mounted_mechanism(obj: bpy.types.Object, preset: str) -> tuple[core.devices.
 
 
 def workspace_of(device: core.devices.thimble.Thimble, reference: float) -> list[Array]:
-    """Return the loops of a mechanism's workspace, worked out once; none where the level platform cannot go there."""
+    """Return the loops of a mechanism's workspace, computed once.
+
+    The list is empty if the level platform cannot reach the reference distance.
+    """
 
     def loops() -> list[Array]:
         try:
@@ -81,7 +87,7 @@ def workspace_of(device: core.devices.thimble.Thimble, reference: float) -> list
 
 
 def forget() -> None:
-    """Forget everything that was worked out."""
+    """Forget all kept results."""
     for kept in (_mechanisms, _loops, _platforms):
         kept.clear()
 

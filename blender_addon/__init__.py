@@ -2,7 +2,7 @@
 
 from . import on_demand
 
-on_demand.modules_of(globals())  # before others are imported, whose imports of this package are on demand then
+on_demand.modules_of(globals())  # before the other imports, so that their imports of this package are on demand
 
 from . import handlers, jobs, operators, panels, preferences, views  # noqa: E402
 from .design import design_properties  # noqa: E402
@@ -25,7 +25,7 @@ MODULES = (
 
 
 def register() -> None:
-    """Register everything, in the order in which it depends on each other."""
+    """Register all modules, each after those that it depends on."""
     for module in MODULES:
         module.register()
 

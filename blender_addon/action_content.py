@@ -1,4 +1,7 @@
-"""What an action says: Blender reports one as changed, too, when its channels are expanded, selected or hidden."""
+"""Contents of actions, to detect changes that have an effect.
+
+Blender also reports an action as changed when its channels are expanded, selected or hidden.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ import numpy as np
 
 from . import compat
 
-_KEYS = {  # of a keyframe: numbers of each property
+_KEYS = {  # properties of a keyframe, each with its number of values
     "co": 2,
     "handle_left": 2,
     "handle_right": 2,
@@ -20,20 +23,20 @@ _KEYS = {  # of a keyframe: numbers of each property
     "back": 1,
     "period": 1,
 }
-_SHOWN = frozenset({"active", "show_expanded", "is_valid", "name"})  # of a modifier, without effect on its result
+_SHOWN = frozenset({"active", "show_expanded", "is_valid", "name"})  # properties of a modifier without effect on curves
 
-_seen: dict[int, bytes] = {}  # by the action's session uid
+_seen: dict[int, bytes] = {}  # digests, by the action's session uid
 
 
 def is_new(action: Any) -> bool:
-    """Return whether an action says something else than when it was last looked at, or was never looked at."""
+    """Return whether an action changed since its last check, or was never checked."""
     before = _seen.get(action.session_uid)
     _seen[action.session_uid] = now = _digest(action)
     return now != before
 
 
 def look() -> None:
-    """Look at every action of the file, so that `is_new` tells its next change."""
+    """Check every action of the file, so that `is_new` detects its next change."""
     _seen.clear()
     _seen.update((action.session_uid, _digest(action)) for action in bpy.data.actions)
 
@@ -56,13 +59,13 @@ def _digest(action: Any) -> bytes:
 
 
 def _settings(modifier: Any) -> list[str]:
-    """Return the effect of a modifier, in words."""
+    """Return the settings of a modifier that have an effect, as texts."""
     names = [p.identifier for p in modifier.bl_rna.properties if p.identifier not in _SHOWN]
     return [f"{name}={_plain(getattr(modifier, name))}" for name in names]
 
 
 def _plain(value: Any) -> Any:
-    """Return a setting's value without the address that Blender's own words for it have."""
+    """Return a setting's value in a form whose text has no memory address."""
     if isinstance(value, bpy.types.bpy_prop_collection):  # an envelope's points
         return [(point.frame, point.min, point.max) for point in value]
     return tuple(value) if isinstance(value, bpy.types.bpy_prop_array) else value

@@ -53,7 +53,7 @@ def _renumber(curves: Any, pattern: re.Pattern[str], index: int) -> None:
 
 
 def _in_actions(owner: bpy.types.ID, animation: Any, pattern: re.Pattern[str], index: int) -> None:
-    """Edit each action and slot of an owner once, in copies where they are not its alone."""
+    """Edit each action and slot of an owner once; first copy actions that others use."""
     copies: dict[bpy.types.Action, bpy.types.Action] = {}
     done = set()
     for holder in compat.action_holders(animation):
@@ -83,7 +83,10 @@ def _curves(action: bpy.types.Action, handle: int) -> Iterator[Any]:
 
 
 def _in_targets(owner: bpy.types.ID, pattern: re.Pattern[str], index: int) -> list[str]:
-    """Renumber what drivers read from the owner; mute those whose source is gone, and return where they are."""
+    """Renumber the owner's elements in drivers' variables.
+
+    Drivers whose source is gone are muted; return their paths.
+    """
     lost = []
     for user in _animated():
         for curve in user.animation_data.drivers:

@@ -1,6 +1,6 @@
 """Blender's application handlers, in one table, and the verb of its command line.
 
-Handlers write the ledger of changes, and let the preview follow.
+Handlers record changes, and let the preview follow.
 
 Nothing imports this module but the package itself.
 """
@@ -36,7 +36,7 @@ def _on_depsgraph(_scene: bpy.types.Scene, depsgraph: Any = None) -> None:
 
 @persistent
 def _on_frame(scene: bpy.types.Scene, depsgraph: Any = None) -> None:
-    # Without a window nobody looks; a sweep or a render job must not pay for a preview.
+    # Without a window nobody sees a preview. A sweep or a render job must not wait for one.
     if changes.sweeping() or depsgraph is None or not redraw.watched() or bpy.app.is_job_running("RENDER"):
         return
     changes.note_clock(scene)
@@ -57,7 +57,7 @@ def _on_load(*_: Any) -> None:
     for kept in on_demand.read(store, baking, trusted, exported, shown, reporting):
         kept.forget()
     recall.request()
-    views.there()  # Blender opens a file when it starts, before it draws
+    views.there()  # begins to load the modules that draw: Blender opens a file when it starts, before it draws
     identity.note(store.baked() if any(scene.dermis.bake_owners for scene in bpy.data.scenes) else {})
 
 
@@ -76,7 +76,7 @@ def _on_save(*_: Any) -> None:
 
 
 def table() -> tuple[tuple[list[Any], Any], ...]:
-    """Return every list that holds a handler of ours, with the handler."""
+    """Return Blender's lists of handlers, each with a handler of the add-on."""
     on = bpy.app.handlers
     return (
         (on.depsgraph_update_post, _on_depsgraph),
@@ -96,7 +96,7 @@ def register() -> None:
         if function not in handlers:
             handlers.append(function)
     _command = bpy.utils.register_cli_command(COMMAND, lambda arguments: commands.main(arguments))
-    recall.request()  # of the file that is open already
+    recall.request()  # for the file that is open already
 
 
 def unregister() -> None:

@@ -1,4 +1,4 @@
-"""What layouts of panels and dialogs have in common: words wrapped to their width, and columns of properties."""
+"""Parts of layouts that panels and dialogs share: wrapped text, properties."""
 
 import textwrap
 from functools import lru_cache
@@ -8,7 +8,7 @@ import bpy
 
 
 def ui_scale() -> float:
-    """Return how many times as large as at scale 1 everything is drawn; 1 without a window, where Blender says 0."""
+    """Return Blender's scale of the interface; 1 without a window, where it is 0."""
     return bpy.context.preferences.system.ui_scale or 1.0
 
 
@@ -18,14 +18,18 @@ def paragraph(
     """Write a text over as many lines as the sidebar's width needs, less an inset [px at scale 1].
 
     Args:
-        least: lines, so that the rows below stay in place while the text changes.
+        least: smallest number of lines, so that the rows below stay in place while the text changes.
     """
     width = context.region.width if context.region else 300
     words(layout, text, width / ui_scale() - inset, icon, least=least)
 
 
 def words(layout: Any, text: str, width: float, icon: str = "NONE", *, least: int = 1) -> None:
-    """Write a text over as many lines as a width needs [px at scale 1], at least so many."""
+    """Write a text over as many lines as a width needs [px at scale 1].
+
+    Args:
+        least: smallest number of lines.
+    """
     letters = max(int((width - (52.0 if icon == "NONE" else 74.0)) / 6.2), 16)
     column = layout.column(align=True)
     column.scale_y = 0.85
@@ -57,10 +61,12 @@ def properties(layout: Any, group: Any, *names: str, keys: bool = True) -> Any:
 
 
 class Pairs:
-    """Names and their values in two columns, a line each: a split a line would cost a third more.
+    """Names and their values in two columns, a line each.
+
+    A split for each line would take a third more time.
 
     Args:
-        layout: that they are drawn in. factor: of its width, for the names.
+        layout: layout in which they are drawn. factor: share of its width for the names.
     """
 
     def __init__(self, layout: Any, factor: float) -> None:
@@ -74,18 +80,18 @@ class Pairs:
 
 
 def preset(layout: Any, group: str, choose: str, title: str) -> None:
-    """Draw the button that chooses a preset, one that keeps the settings as one's own, and one that removes that."""
+    """Draw the button that chooses a preset, and those of `own_presets`."""
     row = layout.row(align=True)
     row.operator(choose, text=title or "From Preset", icon="PRESET")
     own_presets(row, group)
 
 
 def own_presets(row: Any, group: str) -> None:
-    """Draw + and - for presets of one's own."""
+    """Draw + and -, which save and remove a person's own presets."""
     row.operator("dermis.save_preset", text="", icon="ADD").group = group
     row.operator("dermis.remove_preset", text="", icon="REMOVE").group = group
 
 
 def editable(layout: Any, obj: bpy.types.Object) -> None:
-    """Grey out what would not be saved: a linked object's settings are its own file's."""
+    """Grey out the settings of a linked object, since edits would not be saved."""
     layout.enabled = obj.is_editable

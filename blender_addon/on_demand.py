@@ -1,11 +1,12 @@
-"""Modules that load when something of them is first used: enabling the add-on loads only those that every scene needs.
+"""Modules that load at their first use.
 
-Where the `__init__` of a package says `on_demand.modules_of(globals())`, `from ..hands import rig` reads no file yet:
-`rig.read(...)` does. `from ..hands.rig import read` reads it at once, as ever. A mistake in such a file therefore
-shows at its first use; a test loads them all.
+Enabling the add-on thus loads only the modules that every scene needs. If the `__init__` of a package calls
+`on_demand.modules_of(globals())`, `from ..hands import rig` reads no file yet: `rig.read(...)` does. `from ..hands.rig
+import read` reads it at once, as usual. A mistake in such a file therefore shows at its first use; a test loads them
+all.
 
-The stand-in for a module is kept out of `sys.modules` until then (as importlib's own LazyLoader does not): Blender asks
-everything in there for its file, and would read them all in the middle of that.
+Before its first use, the stand-in for a module is not in `sys.modules`, unlike that of importlib's LazyLoader. Blender
+queries the file of everything in there, and would thereby load all modules.
 """
 
 from collections.abc import Iterator
@@ -17,10 +18,11 @@ from typing import Any
 
 
 def modules_of(package: dict[str, Any]) -> None:
-    """Let the modules of a package load when something of them is first used; its folders load as ever.
+    """Let the modules of a package load at their first use; its folders load as usual.
 
     Args:
-        package: its globals. They get a `__getattr__` (PEP 562) here, where checkers of types still see its names.
+        package: its globals, which get a `__getattr__` (PEP 562). It is set here, not in the package's file, so that
+            type checkers still see the package's names.
     """
     names = {file[:-3] for folder in package["__path__"] for file in listdir(folder) if file.endswith(".py")}
 
@@ -35,7 +37,7 @@ def modules_of(package: dict[str, Any]) -> None:
 
 
 def read(*modules: Any) -> Iterator[Any]:
-    """Return those of some modules that have been read: the others keep nothing that could be forgotten."""
+    """Return the modules that have been loaded; the others have nothing to forget."""
     return (module for module in modules if not isinstance(module, _OnDemand) or _imported(module))
 
 
@@ -45,9 +47,10 @@ def _imported(module: "_OnDemand") -> bool:
 
 
 class _OnDemand:
-    """A module that is read at its first use; attributes set here are set there.
+    """Stand-in for a module that is loaded at its first use.
 
-    Its own names are mangled, so that none of a module's hides behind them.
+    An attribute that is set here is set in the module. The stand-in's own names are mangled, so that they hide no name
+    of the module.
     """
 
     __slots__ = ("__name", "__package", "__read")
@@ -61,7 +64,7 @@ class _OnDemand:
         if name.startswith("_OnDemand__"):  # of a copy that nobody has filled
             raise AttributeError(name)
         module = self.__read or self.__module()
-        user = _getframe(1).f_globals  # who asks has the module itself from now on: the detour costs a frame its time
+        user = _getframe(1).f_globals  # the caller gets the module itself, because the detour costs time in each frame
         if user.get(self.__name) is self:
             user[self.__name] = module
         return getattr(module, name)

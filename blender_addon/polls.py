@@ -1,4 +1,4 @@
-"""When operators can be pressed, and panels are there."""
+"""Conditions under which operators can be pressed and panels are shown."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _fingers: core.recent.Recent[tuple[int, int, int], tuple[tuple[str, None], ...]]
 
 
 def needs(test: Callable[[bpy.types.Context], Any], message: str = "") -> Callable[[T], T]:
-    """Return a decorator that lets an operator or panel of Blender be there where a test holds.
+    """Return a decorator that makes an operator or panel available if a test holds.
 
     Args:
-        message: for who points at an operator's button that cannot be pressed: what to do first.
+        message: tooltip of an operator's button that cannot be pressed: the step that has to come first.
     """
 
     def decorate(decorated: T) -> T:
@@ -35,22 +35,23 @@ def needs(test: Callable[[bpy.types.Context], Any], message: str = "") -> Callab
 
 
 def active_finger(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Return the active object where it is a finger."""
+    """Return the active object if it is a finger, else None."""
     obj = context.object
     return obj if obj is not None and obj.dermis.role == "FINGER" else None
 
 
 def finger_at_hand(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Return the finger that is meant, whatever is active: it, else the nearest selected one, else the nearest of all.
+    """Return the finger that an operator shall use, None if there is none.
 
-    Only those whose edits are saved and that nothing carries. Nearest is measured from the active object, else from the
-    3D cursor.
+    It is the active object if that is a finger of this file. If another object is active, it is the nearest selected
+    finger, else the nearest of all. These have to be visible, of this file and without a parent. Their distance is
+    measured from the active object, or from the 3D cursor if there is none.
     """
     active = context.object
     if active is not None and active.dermis.role == "FINGER":
         return own_finger(context)
     scene = context.scene
-    names = _fingers.make(  # looked for once after each change, and not once a redraw
+    names = _fingers.make(  # searched once after each change, not at each redraw
         (scene.session_uid, changes.ticks(), len(scene.objects)),
         lambda: tuple((o.name, None) for o in scene.objects if o.dermis.role == "FINGER" and o.library is None),
     )
@@ -63,6 +64,9 @@ def finger_at_hand(context: bpy.types.Context) -> bpy.types.Object | None:
 
 
 def own_finger(context: bpy.types.Context) -> bpy.types.Object | None:
-    """Return the active object where it is a finger whose edits are saved: one of this file, or an override."""
+    """Return the active object if it is a finger whose edits are saved, else None.
+
+    Such a finger is of this file, or is an override.
+    """
     finger = active_finger(context)
     return finger if finger is not None and finger.is_editable else None

@@ -14,9 +14,10 @@ from .registration import registration
 
 
 def user_folder(name: str, *, create: bool = False) -> Path:
-    """Return a folder of the extension's own in the user's profile: 'presets' or 'results'.
+    """Return a folder of the extension in the user's profile, such as 'presets'.
 
-    A source checkout has no such place; each Blender has one for it among the system's temporary files.
+    A source checkout has no such place. It uses a folder among the system's temporary files, one for each version of
+    Blender.
     """
     if PACKAGE.startswith("bl_ext."):
         return Path(bpy.utils.extension_path_user(PACKAGE, path=name, create=create))
@@ -37,13 +38,16 @@ def presets_folder() -> Path:
 
 
 def library() -> "core.presets.Library":
-    """Return the presets at hand: the built-in ones and the user's own; a file is read again when it has changed."""
+    """Return the built-in presets and the user's own.
+
+    A file is read again when it has changed.
+    """
     return library_of(presets_folder())
 
 
 @lru_cache(maxsize=2)
 def library_of(folder: Path) -> "core.presets.Library":
-    """Return the built-in presets and those of a folder, in whichever thread."""
+    """Return the built-in presets and those of a folder; any thread may call this."""
     return core.presets.Library(folder)
 
 
@@ -82,7 +86,7 @@ class DermisPreferences(bpy.types.AddonPreferences):
 
 
 def setting(name: str) -> Any:
-    """Return a preference, or its default where the package is not enabled as an add-on."""
+    """Return a preference, or its default if the package is not enabled as an add-on."""
     addon = bpy.context.preferences.addons.get(PACKAGE)
     if addon is not None and addon.preferences is not None:
         return getattr(addon.preferences, name)
@@ -93,7 +97,10 @@ _register, unregister = registration((DermisPreferences,))
 
 
 def register() -> None:
-    """Register the settings, and name the folder from which kernels are loaded: an update replaces the original."""
+    """Register the settings, and set the folder from which kernels are loaded.
+
+    An extension loads copies of the kernels, because an update replaces the originals.
+    """
     _register()
     if PACKAGE.startswith("bl_ext."):
         os.environ[core.kernels.COPIES] = str(user_folder("kernels"))

@@ -6,9 +6,10 @@ import bpy
 
 
 def metres_per_unit(scene: bpy.types.Scene) -> float:
-    """Return the length of one scene unit [m]; without a unit system that is one metre, whatever the scale says.
+    """Return the length of one scene unit [m].
 
-    Where a scene has units, its scale is a float32; 0.001 is meant, not 0.0010000000474974513.
+    Without a unit system it is one metre, whatever the scale is. Blender's scale is a float32, so it is rounded: 0.001
+    is meant, not 0.0010000000474974513.
     """
     settings = scene.unit_settings
     return 1.0 if settings.system == "NONE" else float(f"{settings.scale_length:.7g}")

@@ -1,7 +1,7 @@
-"""Drawing the views again, once their contents have been computed.
+"""Redraws of the views, once their contents have been computed.
 
-Whoever changes the display asks with `request`, wherever it lies; the work itself is hooked in by `viewport/shown`,
-so that nothing down here knows the contents. Draw callbacks read what the work has left behind, and work nothing out.
+Code that changes the display calls `request`. `views` sets the work that computes the contents, so that this module
+does not depend on them. Draw callbacks read the results of the work, and compute nothing.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from collections.abc import Callable
 
 import bpy
 
-DRAWN = ("VIEW_3D", "DOPESHEET_EDITOR", "GRAPH_EDITOR")  # the editors that show something of ours
-SETTLE = 0.05  # [s] from the first request to the work; those that come meanwhile are the same one
+DRAWN = ("VIEW_3D", "DOPESHEET_EDITOR", "GRAPH_EDITOR")  # the editors in which the add-on draws
+SETTLE = 0.05  # [s] from the first request to the work; further requests in this time add nothing
 
 
 def watched() -> bool:
-    """Return whether somebody looks at a window; in background nobody waits for a view."""
+    """Return whether there may be a window; in background nobody waits for a view."""
     return not bpy.app.background
 
 
@@ -24,7 +24,10 @@ work: Callable[[], None] | None = None
 
 
 def request() -> None:
-    """Ask for the display to be computed anew and drawn soon; many requests give one."""
+    """Request that the display is soon computed and drawn again.
+
+    Several requests within `SETTLE` seconds give one redraw.
+    """
     if watched() and not bpy.app.timers.is_registered(_on_timer):
         bpy.app.timers.register(_on_timer, first_interval=SETTLE)
 
@@ -36,7 +39,7 @@ def cancel() -> None:
 
 
 def views() -> None:
-    """Let every editor that shows something of ours draw again."""
+    """Let every editor in which the add-on draws draw again."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type in DRAWN:

@@ -1,4 +1,4 @@
-"""A module's own classes, and its properties on Blender's types: they come together and go in reverse."""
+"""Registration of a module's classes and of its properties on Blender's types."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def registration(
     """Return `register` and `unregister` of a module.
 
     Args:
-        hung: properties on Blender's own types: the type, the name and the property. Values stay in the file as plain
-            data when they go.
-        forget: modules whose `forget` is called before everything goes, where they have been read.
+        hung: properties on Blender's own types: the type, the name and the property. When a property is removed, its
+            values stay in the file as plain data.
+        forget: modules whose `forget` is called first by `unregister`, if they have been loaded.
     """
     add, remove = bpy.utils.register_classes_factory(classes)
 

@@ -1,4 +1,4 @@
-"""Errors and findings, on their way to the person: the status bar, the console, and the list in the sidebar.
+"""Reports of errors and findings: status bar, console, list in the sidebar.
 
 The list lives in this module, for the session only: findings are results, and results are not saved in the .blend.
 """
@@ -16,7 +16,7 @@ from ._core import DermisError, Finding, core, worst
 
 _findings: tuple[Any, ...] = ()
 _source = ""
-_whom: dict[str, int] = {}  # session uids of the objects that findings name, as they were called when those were shown
+_whom: dict[str, int] = {}  # session uids of the objects that findings name, by their names at that time
 
 
 def findings() -> tuple[Any, ...]:
@@ -30,7 +30,7 @@ def source() -> str:
 
 
 def show(found: Iterable[Any], what: str = "") -> None:
-    """Put findings into the list, the worst first and otherwise in their order; equal ones once."""
+    """Replace the list by findings, the worst first, else in their order; equal ones once."""
     global _findings, _source
     order = {severity: i for i, severity in enumerate(reversed(core.errors.SEVERITIES))}
     unique = {str(f): f for f in found}
@@ -43,7 +43,7 @@ def show(found: Iterable[Any], what: str = "") -> None:
 
 
 def about(finding: Any, scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """Return the object of a scene that a finding is about, whatever it is called by now."""
+    """Return the object of a scene that a finding is about, even if it was renamed."""
     uids = [_whom[name] for name in _names(finding) if name in _whom]
     return next((obj for uid in uids for obj in scene.objects if obj.session_uid == uid), None)
 

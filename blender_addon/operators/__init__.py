@@ -1,4 +1,4 @@
-"""What buttons do, one file per topic."""
+"""The operators of all buttons, one file per topic."""
 
 from ..registration import registration
 from . import (

@@ -23,7 +23,7 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return sampling and rendering as one generator."""
-        choices.refresh()  # the list of devices shall say what this bake sees
+        choices.refresh()  # the list of devices then shows the presets that this bake reads
         return _noting(context.scene)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
@@ -40,7 +40,7 @@ class DERMIS_OT_bake(jobs.Job, bpy.types.Operator):
 
 
 def _noting(scene: bpy.types.Scene) -> jobs.Steps:
-    """Bake a scene; return the bake, and the scene's state when it was sampled."""
+    """Bake a scene; return the bake, and the state of the scene at sampling."""
     taken: list[store.Taken] = []
     made = yield from baking.bake(scene, library(), noted=taken.append)
     return made, taken[0]

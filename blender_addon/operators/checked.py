@@ -1,4 +1,7 @@
-"""Work with a bake that counts: the scene is sampled again before, and refused where it is another by now."""
+"""Base of operators that check a bake before they use it.
+
+The scene is sampled again, and the work is refused if its inputs have changed since the bake.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,16 @@ from ..preferences import library
 from ..results import store
 from .work import Work
 
-SHORT = 1.0  # [s] of sampling that a person waits for without a word of how far it is
+SHORT = 1.0  # [s] longest sampling for which a person waits without a display of progress
 
 
 class Checked(jobs.Job, Work):
-    """Checks bakes, then works: at once from a script or where that is short, else beside the window's events."""
+    """Checks bakes, then does the work.
 
-    _asked = False  # by a person, in a window: whoever overrides `invoke` says so
+    From a script, or if it is short, the check is done at once; otherwise between the window's events.
+    """
+
+    _asked = False  # whether a person asked for the work in a window; overrides of `invoke` set it
 
     def checked(self, context: bpy.types.Context) -> list[bpy.types.Scene]:
         """Return the scenes whose bakes are checked."""

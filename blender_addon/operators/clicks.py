@@ -17,11 +17,11 @@ class DERMIS_OT_strip_jump(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Be there where the strip is."""
+        """Return whether the strip is visible."""
         return strip.visible(context)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Set the frame where a mark was hit."""
+        """Go to the frame of the mark that was hit."""
         mark = strip.mark_at(context, event.mouse_region_x, event.mouse_region_y)
         if mark is None:
             return {"PASS_THROUGH"}

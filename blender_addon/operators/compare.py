@@ -33,7 +33,7 @@ class DERMIS_OT_compare_devices(jobs.Job, bpy.types.Operator):
         return compared.find(context.scene, context.object.name_full, floors=self.floors)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
-        """Keep it, and name the best."""
+        """Keep the comparison, and name the best device."""
         compared.keep(context.scene, result)
         rows = result.table["rows"]
         best, skipped = rows[0], len(result.table["skipped"])

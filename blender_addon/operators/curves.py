@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Baked commands as F-curves, and away again."""
+"""Operators that write baked commands as F-curves, and remove these."""
 
 from typing import cast
 

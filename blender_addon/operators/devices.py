@@ -51,7 +51,7 @@ class DERMIS_OT_add_device(Work, bpy.types.Operator):
         return "\n".join(text for text in (what, cls.__doc__) if text)
 
     def work(self, context: bpy.types.Context) -> str | None:
-        """Add it, if its preset can be used, with the settings that a preset of one's own has."""
+        """Add it, if its preset can be used, with the settings that the preset holds."""
         obj = _finger(context, self.finger)
         if obj is None:
             where = f"object '{self.finger}'" if self.finger else ""
@@ -84,14 +84,14 @@ class DERMIS_OT_remove_device(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Remove it, with its keys and drivers."""
-        identity.give(context.object)  # before, or the next device of this preset would be taken for the one that goes
+        identity.give(context.object)  # first, or the next device would be taken for the one that goes
         finger = context.object.dermis.finger
         index = min(finger.active_device, len(finger.devices) - 1)
         finger.devices.remove(index)
         lost = animation_paths.element_removed(context.object, "dermis.finger.devices", index)
         if lost:
             self.report({"WARNING"}, f"Drivers muted, because their inputs are gone: {', '.join(lost)}")
-        context.object.update_tag()  # the evaluated copy would keep the device, and with it the numbers
+        context.object.update_tag()  # otherwise the evaluated copy would keep the device and its numbers
         finger.active_device = max(0, min(index, len(finger.devices) - 1))
         changes.mark_dirty(context.object.name)
         return {"FINISHED"}

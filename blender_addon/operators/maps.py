@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Maps of touch screens from disk, opened with the question what their numbers are."""
+"""Opening of height maps for touch screens, with the meaning of their numbers."""
 
 from typing import Any
 

@@ -21,7 +21,7 @@ class DERMIS_OT_stream_pair(jobs.Job, bpy.types.Operator):
 
     bl_idname = "dermis.stream_pair"
     bl_label = "Pair over USB"
-    bl_options = {"INTERNAL"}  # not registered: Blender would list what it was given, the password too
+    bl_options = {"INTERNAL"}  # without REGISTER: Blender would list the arguments, the password too
     job_title = "Pairing"
     after_cancel = "the board may have taken a new key already: pair it before you use it"
 
@@ -45,7 +45,7 @@ class DERMIS_OT_stream_pair(jobs.Job, bpy.types.Operator):
     _asked = False
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Ask for port, network and password, where a script has not given them."""
+        """Ask for port, network and password, unless a script has given the network."""
         if self.network or bpy.app.background or context.window is None:
             return super().invoke(context, event)
         session.rescan()
@@ -56,7 +56,7 @@ class DERMIS_OT_stream_pair(jobs.Job, bpy.types.Operator):
         return context.window_manager.invoke_props_dialog(self, width=WIDTH, confirm_text="Pair")
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Draw the three fields, and what has to be so before."""
+        """Draw the three fields and the conditions for pairing."""
         layout = self.layout
         text = (
             "Plug the board in by USB. It needs dermis_servos, built with DERMIS_WIFI. Opening the port may reset it."
@@ -70,7 +70,7 @@ class DERMIS_OT_stream_pair(jobs.Job, bpy.types.Operator):
             column.prop(self, name)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Pair straight through; behind the dialog, beside the window's events."""
+        """Pair at once; after the dialog, pair between the window's events."""
         if not self._asked:
             return super().execute(context)
         given = {"port": self.port, "network": self.network, "password": self.password}

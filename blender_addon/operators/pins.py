@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Pin arrays: the press test that gives a person's stiffness, how far each method misses."""
+"""Pin arrays: the press test of a person's stiffness, the errors of the methods."""
 
 from typing import Any
 

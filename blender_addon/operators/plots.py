@@ -36,7 +36,7 @@ class DERMIS_OT_show_plots(Work, bpy.types.Operator):
 
 
 def _show(context: bpy.types.Context, image: bpy.types.Image) -> None:
-    """Show an image where one is seen, or in a new window."""
+    """Show an image in an open image editor, or in a new window."""
     manager = context.window_manager
     areas = [(w, a) for w in manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
     if not areas:

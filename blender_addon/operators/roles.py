@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""What an object is to Dermis: touchable, a finger, a screen, or nothing."""
+"""Roles of objects: touchable, a finger, a screen, or none."""
 
 from typing import Any
 

@@ -33,7 +33,7 @@ class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
         return thimble_adaptation.adapt(context.object)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
-        """Say how good it is."""
+        """Report the test errors."""
         thimble_devices.forget()
         changes.mark_dirty(context.object.name)
         ridge, network = result["errors"].tolist()
@@ -82,7 +82,7 @@ along the pad. Takes minutes for a long touch. Esc cancels"""
         return floors.find(context.scene, context.object)
 
     def finished(self, _context: bpy.types.Context, result: Any) -> set[str]:
-        """Say it, and what must not be missed."""
+        """Report the errors and the findings."""
         self.report({"INFO"}, ". ".join(result.words()))
         for finding in result.findings("device"):
             self.report({"WARNING"} if finding.severity == "warning" else {"INFO"}, str(finding))

@@ -1,4 +1,4 @@
-"""Trust Band: where forces and commands change though the scene hardly does."""
+"""Trust Band: forces and commands that change much if the scene hardly does."""
 
 from typing import Any
 

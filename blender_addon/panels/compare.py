@@ -45,13 +45,13 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
 
 
 def skipped(layout: Any, context: bpy.types.Context, devices: "list[dict[str, Any]]") -> None:
-    """Name the devices that were left out, once a reason."""
+    """Draw the devices that were left out, once for each reason."""
     for text in skipped_words(devices):
         paragraph(layout, context, text, "INFO")
 
 
 def skipped_words(devices: "list[dict[str, Any]]") -> list[str]:
-    """Return a sentence a reason: the devices that it keeps out, and the reason."""
+    """Return a sentence for each reason: the devices left out by it, and the reason."""
     by_reason: dict[str, list[str]] = {}
     for device in devices:
         by_reason.setdefault(device["why"], []).append(device["title"])
@@ -78,7 +78,11 @@ def _device(column: Any, row: dict[str, Any]) -> None:
 
 
 def _in_columns(column: Any, name: str, *cells: str) -> None:
-    """Draw a line of a device's floors: a measure as it is rendered, by the best pose, with axes along the pad."""
+    """Draw a line of a device's errors.
+
+    Args:
+        name: the measure. cells: its errors as rendered, by the best pose, and with axes along the pad.
+    """
     split = column.split(factor=0.38)
     split.label(text=name)
     row = split.row()

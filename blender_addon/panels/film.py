@@ -18,7 +18,7 @@ class DERMIS_PT_film(DermisPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw a button and its way back for each kind."""
+        """Draw for each kind the button that makes objects, and one that removes them."""
         layout, scene = self.layout, context.scene
         if store.state(scene) == "stale":
             paragraph(layout, context, "The bake is out of date: objects made from it now are, too.", "ERROR")

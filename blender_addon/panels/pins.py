@@ -1,4 +1,4 @@
-"""A finger's pin array: the press test, and how far each method misses."""
+"""A finger's pin array: the press test, and the errors of the methods."""
 
 import bpy
 

@@ -1,4 +1,4 @@
-"""The devices at the current frame, as figures, and how the view shows them."""
+"""Values of the devices at the current frame, and settings of their display."""
 
 import bpy
 

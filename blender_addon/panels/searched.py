@@ -12,10 +12,10 @@ from ..viewport import shown
 
 
 def adaptation(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, family: str, method: str) -> None:
-    """Draw whether learned methods are adapted to this finger, and the way to do it.
+    """Draw whether learned methods are adapted to this finger, and the button for it.
 
     Args:
-        family: 'thimble' or 'platform'. method: of the device.
+        family: 'thimble' or 'platform'. method: the device's method.
     """
     ready = shown.ready(context.scene, obj, family)
     if ready is not None and ready.trouble:
@@ -40,7 +40,7 @@ def adaptation(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, f
 
 
 def skin_and_mismatch(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:
-    """Draw how far the device is off at this frame, or why it does nothing."""
+    """Draw the device's error at this frame, or why it does nothing."""
     if not obj.dermis.finger.skin.shown:
         column = layout.column(align=True)
         paragraph(column, context, "Show the finger's skin to see target and rendered skin side by side.", "INFO")

@@ -1,4 +1,4 @@
-"""A finger's thimble: its settings, whether it is adapted, how far it is off now."""
+"""A finger's thimble: its settings, its adaptation, its error at this frame."""
 
 from typing import Any
 
@@ -39,7 +39,7 @@ class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
         """Draw the adaptation's state, the mismatch of this frame and the view's switches."""
         layout, obj = self.layout, context.object
         device, view = shown.active_device(context.scene, obj, "thimble"), context.scene.dermis.thimble_view
-        if device is None:  # it was there when the panel was asked for
+        if device is None:  # it may be gone since `poll`
             return
         column = layout.column()
         column.use_property_split = True

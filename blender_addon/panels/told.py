@@ -1,4 +1,4 @@
-"""Which touches a finger could tell apart, by device and method, as a table."""
+"""Discriminability of a finger's touches, by device and method, as a table."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from ..polls import needs
 from . import compare, summary
 from .main import DermisPanel
 
-PAIRS = 4  # columns that fit; the saved table has all
+PAIRS = 4  # number of columns that fit; the saved table has all pairs
 
 
 @needs(lambda context: summary.of(context.scene).fingers)

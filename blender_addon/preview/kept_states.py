@@ -1,4 +1,4 @@
-"""States on the way through the frames, kept so that a jump back need not begin at rest."""
+"""States at visited frames, kept so that a jump need not begin at rest."""
 
 from __future__ import annotations
 
@@ -10,18 +10,23 @@ from .rows import goes_on
 
 S = TypeVar("S")
 
-SPACING = 3.0  # frames from one kept state to the next; `goes_on` bridges more at any usual rate
-STATES = 32  # so many: four seconds of a play
+SPACING = 3.0  # frames between two kept states; at any usual frame rate, `goes_on` accepts longer steps
+STATES = 32  # largest number of kept states: four seconds of playback
 
 
 class KeptStates(Generic[S]):
-    """States by the frame that they were reached at, until their inputs change and somebody clears them."""
+    """States by frame; the owner clears them when their inputs change."""
 
     def __init__(self) -> None:
         self._states: dict[float, S] = {}
 
     def keep(self, frame: float, state: Callable[[], S], most: int = STATES) -> None:
-        """Keep the state at a frame, unless one is kept that was reached just before; the oldest makes room."""
+        """Keep the state at a frame, unless one of less than `SPACING` frames before is kept.
+
+        Args:
+            frame: the frame. state: function that returns its state.
+            most: largest number of states; beyond it, the oldest one is dropped.
+        """
         if [other for other in self._states if 0.0 < frame - other < SPACING]:
             return
         self._states.pop(frame, None)
@@ -30,7 +35,10 @@ class KeptStates(Generic[S]):
             del self._states[next(iter(self._states))]
 
     def nearest(self, frame: float, clock: Clock) -> tuple[float, S] | None:
-        """Return the nearest kept state from which a frame can be stepped to, and its own frame; None without one."""
+        """Return the frame and the state from which a step reaches `frame`; None without one.
+
+        Of several, they are the nearest before `frame`.
+        """
         near = [other for other in self._states if goes_on(clock.duration(frame - other))]
         return (max(near), self._states[max(near)]) if near else None
 

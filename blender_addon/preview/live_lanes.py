@@ -10,16 +10,19 @@ import numpy as np
 from .. import changes, identity
 from ..results.lanes import Kind, Lane, Series
 
-MOST = 20_000  # frames that are remembered
-HELD = 6.0  # frames that playback may leave out; over more nothing is known
+MOST = 20_000  # largest number of frames that are kept for a value
+HELD = 6.0  # largest step between two frames across which a value holds; across a larger one nothing is known
 
 _seen: dict[str, dict[Kind, dict[float, float]]] = {}
-_key: tuple[int, int, int] = (0, -1, -1)  # the scene that they are of, and the edits and names when they were seen
+_key: tuple[int, int, int] = (0, -1, -1)  # scene, edits and lineage of the values
 _lanes: tuple[Lane, ...] | None = ()
 
 
 def note(scene: bpy.types.Scene, frame: Any) -> None:
-    """Remember the values of a `shown.Frame` of a preview that is live; an edit makes earlier values void."""
+    """Keep the values of a `shown.Frame` with a live preview.
+
+    After an edit, all earlier values are forgotten.
+    """
     global _key, _lanes
     key = (scene.session_uid, changes.edits(), changes.lineage())
     if key != _key:
@@ -35,13 +38,13 @@ def note(scene: bpy.types.Scene, frame: Any) -> None:
     for state in frame.skins.states:
         if (
             state.source == "live" and identity.named(scene, state.finger) is not None
-        ):  # else one as a device renders it
+        ):  # not a skin as a device renders it
             _add(state.finger, "force", frame.frame, float(state.normal_force))
     _lanes = None
 
 
 def of(scene: bpy.types.Scene) -> tuple[Lane, ...]:
-    """Return a lane for every finger that was seen; none after an edit."""
+    """Return a lane for every finger with values; none after an edit."""
     global _lanes
     if _key != (scene.session_uid, changes.edits(), changes.lineage()):
         return ()

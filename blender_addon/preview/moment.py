@@ -1,6 +1,7 @@
-"""Which frame the preview works out: the scene's, or the one that the work began with, where that takes longer.
+"""The frame that the preview computes, and whether coarsely.
 
-And how well: frames that somebody only passes, scrubbing or dragging, are worked out coarsely.
+It is the scene's frame, or the frame at which longer work began. Frames that a person only passes, by scrubbing or
+dragging, are computed coarsely.
 """
 
 from __future__ import annotations
@@ -17,18 +18,24 @@ _passing = False
 
 
 def frame_of(scene: bpy.types.Scene) -> float:
-    """Return the scene frame that is worked out, with its sub-frame: the one shown, unless another one is held."""
+    """Return the scene frame that is computed, with its sub-frame.
+
+    It is the shown frame, unless another one is held.
+    """
     return scene_time.shown(scene) if _held is None else _held
 
 
 def passing() -> bool:
-    """Return whether the frame is one of many in quick succession: coarse will do, until the scene rests."""
+    """Return whether the frame is one of many in quick succession.
+
+    A coarse result is enough for it until the scene rests.
+    """
     return _passing
 
 
 @contextmanager
 def held(frame: float, *, passing: bool = False) -> Iterator[None]:
-    """Go on with a frame, whichever the scene is at by now."""
+    """Compute a frame in the block, whichever frame the scene is at."""
     global _held, _passing
     before, (_held, _passing) = (_held, _passing), (frame, passing)
     try:

@@ -22,7 +22,10 @@ _refused: dict[str, str] = {}  # by finger, why its table cannot be used
 
 
 def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, ...]:
-    """Return the rows of the platforms of fingers whose skin is shown at the current frame; none without a table."""
+    """Return the rows of platforms whose commands are looked up for a live skin.
+
+    Without a table, a row has a note in place of values.
+    """
     rows = []
     for target, obj, device, spec in followers.wearers_of(scene, skins, "platform"):
         looked_up = target.source == "live" and active_presets.searched(device) is None
@@ -36,7 +39,7 @@ def live_rows(scene: bpy.types.Scene, skins: Sequence[SkinState]) -> tuple[Row, 
 
 
 def prepare(scene: bpy.types.Scene, target: SkinState) -> Iterator[None]:
-    """Look up the values of a finger's platform for the skin of the current frame; there is nothing to wait for."""
+    """Look up the values of a finger's platform for this frame; never yield."""
     for skin, obj, device, spec in followers.wearers_of(scene, (target,), "platform"):
         if skin.source == "live" and active_presets.searched(device) is None:
             commands(obj, device, spec, skin)

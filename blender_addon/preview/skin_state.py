@@ -8,7 +8,7 @@ from typing import Any
 
 from .._core import Array, core
 
-DRAGGED = 0.1e-3  # [m]
+DRAGGED = 0.1e-3  # [m] slide from which on a skin counts as dragged
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,23 +16,24 @@ class SkinState:
     """One finger's skin at one frame.
 
     Attributes:
-        finger: the object's name; of a rendered skin a label, the object's name with the device that renders it.
-        model: the skin, or None while it is being made, or where it cannot be made (`note` says why).
+        finger: the object's name; for a rendered skin, a label of the object's name and the device that renders it.
+        model: the skin; None while it is being made, or if it cannot be made (`note` has the reason).
         force: on the pad nodes in the finger's frame [N], shape (m, 3).
         normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinContact`.
         sticking, slipping: number of nodes.
         source: 'bake', 'live', 'stale', 'earlier' or 'none'. note: a remark on it for the reader.
-        work: kind of work of the contact solver: 'solved', 'unchanged', 'same', 'idle' or 'baked'.
+        work: kind of work of the contact solver: 'solved', 'unchanged', 'same', 'idle' or 'baked'; 'rendered' for the
+            skin as a device renders it.
         converged: whether the frame passed the solver's own check.
         counters: counts of solved and skipped work, by name.
-        points: the same forces where they act, on points of the smooth skin; None where contact is solved on nodes.
+        points: the same forces on the points of the smooth skin at which they act; None if contact is solved on nodes.
         amounts: the state of stiffening tissue that a touch keeps, see the engine's `Stimulus.given`; None if linear.
         slide: how far friction has drawn the loaded skin along itself [m].
-        coarse: the way to the frame was walked in fewer steps than it takes. waits: a table of it is being made.
+        coarse: the frame was reached in fewer steps than contact needs. waits: a table of the skin is being made.
     """
 
     finger: str
-    model: Any  # the engine's `SkinModel`: whoever has seen a touch need not ask whether it is there
+    model: Any  # the engine's `SkinModel`; `Any`, so that code for touched skins need not test for None
     force: Array
     normal_force: float = 0.0
     tangential_force: float = 0.0
@@ -71,7 +72,7 @@ class SkinState:
 
     @property
     def dragged(self) -> bool:
-        """Whether friction draws the skin so far that a person would want to know."""
+        """Whether friction drags the skin so far that the person should know."""
         return self.slide >= DRAGGED
 
     @property

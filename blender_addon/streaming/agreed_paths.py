@@ -1,7 +1,7 @@
-"""Files that the settings of a .blend name: nothing reads or writes one before a person of this session agreed.
+"""Agreement to the files that the settings of a .blend name.
 
-Whoever sets a path in this session, in the panel or by a script, has agreed by that. Paths that came with the file have
-to be confirmed; a session remembers it.
+Nothing reads or writes such a file before a person of this session has agreed. To set a path in this session, in the
+panel or by a script, is to agree. Paths that came with the file have to be confirmed; the session remembers this.
 """
 
 from __future__ import annotations
@@ -37,7 +37,11 @@ _confirmed: set[tuple[str, str]] = set()  # (path, kind)
 
 
 def claims(settings: Any, *names: str) -> list[Claim]:
-    """Return every file that some settings name (all if left out), whatever the mode is now."""
+    """Return every file that settings name, whichever mode is chosen.
+
+    Args:
+        names: the settings that are read; all if left out.
+    """
     return [Claim(path, *_WHAT[name]) for name in names or _WHAT for path in _paths(settings, name)]
 
 
@@ -63,7 +67,7 @@ def pending(settings: Any, *names: str) -> list[Claim]:
 
 
 def confirm(agreed: list[Claim]) -> None:
-    """Remember for this session that a person agreed."""
+    """Remember for this session that a person agreed to files."""
     _confirmed.update((claim.path, claim.kind) for claim in agreed)
 
 
@@ -71,7 +75,7 @@ def check(settings: Any, *names: str) -> None:
     """Refuse to go on with files that were not confirmed.
 
     Raises:
-        DermisError: says which, and its purpose.
+        DermisError: there are such files; the message has the kind and the path of each.
     """
     if asked := pending(settings, *names):
         raise DermisError(
@@ -83,7 +87,7 @@ def check(settings: Any, *names: str) -> None:
 
 
 def forget() -> None:
-    """Ask again for everything."""
+    """Forget all agreements."""
     _confirmed.clear()
 
 
@@ -93,6 +97,6 @@ def _record_of(url: str) -> str:
     try:
         address = core.stream.links.url.Url(url)
     except DermisError:
-        return ""  # not an address: connecting says so, and opens nothing
+        return ""  # not an address: connecting reports this, and opens nothing
     path = address.options.get("file", "") if address.scheme == "spy" else ""
     return os.path.join(gettempdir(), path) if path else ""  # the folder in which the sender works

@@ -28,7 +28,7 @@ def rows_of(channels: Any) -> Rows:
 
 
 def fill(channels: Any, rows: Rows) -> None:
-    """Make a collection of settings hold some rows."""
+    """Replace the contents of a collection of settings by rows."""
     channels.clear()
     for row in rows:
         channel = channels.add()
@@ -37,10 +37,13 @@ def fill(channels: Any, rows: Rows) -> None:
 
 
 def rows_for(key: str, made: Any) -> Rows:
-    """Return the rows of a preset's actuators with a calibration, None for the preset as it is.
+    """Return the rows of a preset's actuators with a calibration.
+
+    Args:
+        key: key of the preset. made: the calibration; None for the preset as it is.
 
     Raises:
-        DermisError: no such preset, or its safe state is none.
+        DermisError: no such preset, or its safe state is not valid.
     """
     fresh, safe = [], safe_pose(key)
     for channel in library().device(key).channels:
@@ -69,10 +72,12 @@ def rows_for(key: str, made: Any) -> Rows:
 
 
 def safe_pose(key: str) -> dict[str, float]:
-    """Return where a preset's channels press nobody, as commanded [SI]: a calibration moves it as every other pose.
+    """Return the pose of a preset that presses nobody, by channel, as commanded [SI].
+
+    A calibration moves this pose as it moves every other one.
 
     Raises:
-        DermisError: no such preset, or its safe state is none.
+        DermisError: no such preset, or its safe state is not valid.
     """
     spec = library().device(key)
     stated = core.devices.safe_state.safe_state(spec).values
@@ -80,10 +85,12 @@ def safe_pose(key: str) -> dict[str, float]:
 
 
 def calibration(key: str, rows: Rows) -> Any:
-    """Return the calibration that rows hold, for a preset; rows of actuators that it does not have count for nothing.
+    """Return the calibration that rows hold, for a preset.
+
+    Rows of actuators that the preset does not have are ignored.
 
     Raises:
-        DermisError: no such preset, or a number that cannot be.
+        DermisError: no such preset, or a number is not valid.
     """
     spec = library().device(key)
     made = core.devices.calibration.Calibration.of(spec)
@@ -101,7 +108,11 @@ def calibrated(row: dict[str, Any]) -> bool:
 
 
 def same(rows: Rows, made: Any) -> bool:
-    """Return whether rows equal a calibration, None for that of the preset, as exactly as settings can."""
+    """Return whether rows equal a calibration, in single precision.
+
+    Args:
+        rows: the rows. made: the calibration; None for the preset as it is.
+    """
     for row in rows:
         entry = made.entries.get(row["name"]) if made is not None else None
         if entry is None:
@@ -122,14 +133,14 @@ def read(part: str, text: str) -> Any:
     """Return the curve ('response') or frequency response ('frequency') that the list holds as JSON.
 
     Raises:
-        DermisError: it is none.
+        DermisError: the text is not such a measurement.
     """
     kinds = core.devices.response.Response, core.devices.frequency_response.FrequencyResponse
     return kinds[MEASURED.index(part)].loads(text)
 
 
 def _text(entry: Any, part: str) -> str:
-    """Return the measurement of an actuator as the list holds it; '' where there is none."""
+    """Return the measurement of an actuator as the list holds it; '' for none."""
     measured = getattr(entry, part) if entry is not None else None
     return "" if measured is None else str(measured.dumps())
 
@@ -147,5 +158,5 @@ def quietly(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 def restoring() -> bool:
-    """Return whether settings are being put back, so that half of them are not passed on."""
+    """Return whether `quietly` changes settings, so that half of them are not passed on."""
     return _restoring

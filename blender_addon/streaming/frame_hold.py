@@ -1,7 +1,8 @@
-"""Whether the scene is at a frame to which a person has put it. While it is not, a device on a finger holds still.
+"""Detection of work that steps through the frames.
 
-Baking, exporting and sampling step through the frames under `changes.muted`; rendering and Blender's own bakes step
-through them in jobs and modal operators of their own.
+During such work nobody has chosen the scene's frame, so a device on a finger holds still. Baking, exporting and
+sampling step through the frames under `changes.muted`. Rendering and Blender's own bakes do so in jobs and modal
+operators of their own.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from bpy.app.handlers import persistent
 
 from .. import changes
 
-# Modal operators of Blender that step through the frames, since Python can ask for few of their jobs. They end with the
-# first event after their work; until then the last frame holds, which is the one that they came back to.
+# Blender's modal operators that step through the frames; Python can query only few of their jobs. They end with the
+# first event after their work. Until then the last frame holds, to which they have returned.
 STEPPING = frozenset(
     {
         "RENDER_OT_opengl",
@@ -71,5 +72,5 @@ def callbacks() -> tuple[tuple[list[Any], Any], ...]:
 
 
 def forget() -> None:
-    """Forget a render that is under way: nobody watches for its end any more."""
+    """Forget a running render, because its end is not watched any more."""
     _on_render_end()

@@ -1,4 +1,7 @@
-"""Measured curves and frequency responses in the list of actuators: put there, told in words, and how old they are."""
+"""Measured curves and frequency responses in the list of actuators.
+
+The functions store them, describe them in words, and report their age.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ def found(scene: bpy.types.Scene) -> tuple[Any, ...]:
     """Return findings on the calibration that the list holds, such as its age.
 
     Raises:
-        DermisError: a number that cannot be.
+        DermisError: a number is not valid.
     """
     key = scene.dermis_stream.channels_owner.rpartition(": ")[2]
     return tuple(device_calibration.calibration_of(scene, key).findings(library().device(key), date.today()))
@@ -34,7 +37,7 @@ def measure(scene: bpy.types.Scene, channel: str, measured: Any) -> None:
 
 
 def drop(scene: bpy.types.Scene, channel: str, part: str) -> None:
-    """Take the curve ('response') or the frequency response ('frequency') of an actuator away.
+    """Remove an actuator's curve ('response') or frequency response ('frequency').
 
     Raises:
         DermisError: the list has no such actuator.
@@ -56,7 +59,10 @@ def _put(scene: bpy.types.Scene, channel: str, part: str, measured: Any) -> None
 
 
 def said_of(measured: Any, scene: bpy.types.Scene, channel: str) -> str:
-    """Return in words how an actuator answers by measurement, beside its preset, and how well that is known."""
+    """Return words on a measurement: the actuator's response, scatter and date.
+
+    For a curve, the range in the preset is given, too.
+    """
     if isinstance(measured, core.devices.response.Response):
         unit = scene.dermis_stream.channels[channel].unit
         low, high = (quantity(value, unit) for value in measured.reach)
@@ -75,7 +81,7 @@ def said_of(measured: Any, scene: bpy.types.Scene, channel: str) -> str:
 
 
 def _preset_range(scene: bpy.types.Scene, channel: str, unit: str) -> str:
-    """Return in words the range of an actuator in the preset, '' where it has none."""
+    """Return in words the range of an actuator in the preset, '' if it has none."""
     key = scene.dermis_stream.channels_owner.rpartition(": ")[2]
     try:
         wire = core.stream.protocols.wire.Wire.of(library().device(key))

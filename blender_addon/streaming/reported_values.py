@@ -34,7 +34,10 @@ def preview(scene: bpy.types.Scene) -> Preview | None:
 
 
 def reported(scene: bpy.types.Scene) -> dict[str, float]:
-    """Return where the scene's device says it is, as commanded, by channel [SI]; empty where nothing shall be shown."""
+    """Return the pose that the scene's device reports, by channel [SI].
+
+    The values are in the same terms as commands. There are none if nothing shall be shown.
+    """
     settings = getattr(scene, "dermis_stream", None)
     if settings is None or not (session.streams(scene) and settings.show_received):
         return {}
@@ -43,7 +46,10 @@ def reported(scene: bpy.types.Scene) -> dict[str, float]:
 
 
 def with_reported(shown: Preview | None, reported: dict[str, float], own: Row | None) -> Preview | None:
-    """Return a preview with reported values in place of its own; None where they do not fit the device's row of it."""
+    """Return a preview with reported values in place of its own.
+
+    None if the preview has no row of the device, or if this row lacks a reported channel.
+    """
     if shown is None or own is None or not set(reported) <= set(own.values):
         return None
     rows: list[Row] = []
@@ -62,7 +68,10 @@ def with_reported(shown: Preview | None, reported: dict[str, float], own: Row | 
 
 
 def of_file(scene: bpy.types.Scene) -> Preview | None:
-    """Return the preview of the track that was loaded from a file: on the finger that it names, or on the first one."""
+    """Return the preview of the track that was loaded from a file, or None.
+
+    The track is shown on the finger that it names, or else on the first one.
+    """
     settings, track = getattr(scene, "dermis_stream", None), streamed_track.loaded()
     if settings is None or not settings.track_file or track is None:
         return None

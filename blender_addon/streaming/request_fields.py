@@ -16,7 +16,7 @@ from . import agreed_paths, stream_log, streamed_track
 
 
 def published(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tuple[float, ...]]:
-    """Return the track's time of the frame that is shown, and in the mode 'follow' the values."""
+    """Return the track's time of the shown frame [s], and in mode 'follow' the values."""
     moment = streamed_track.origin(scene).seconds(scene_time.shown(scene))
     if scene.dermis_stream.mode != "follow":
         return moment, ()
@@ -28,7 +28,7 @@ def published(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tupl
 
 
 def caveat(scene: bpy.types.Scene) -> str:
-    """Return in words that the sent bake does not fit the scene any more; '' where it fits."""
+    """Return in words that the sent bake does not fit the scene any more; '' if it does."""
     settings = scene.dermis_stream
     if settings.mode == "play":
         baked = not settings.track_file and streamed_track.chosen_output(scene) is not None
@@ -46,10 +46,12 @@ def caveat(scene: bpy.types.Scene) -> str:
 
 
 def request_fields(scene: bpy.types.Scene) -> dict[str, Any]:
-    """Return the fields of the sender's request that the settings decide; only connecting changes the protocol.
+    """Return the fields of the sender's request that follow from the settings.
+
+    The protocol is left out, because only connecting changes it.
 
     Raises:
-        DermisError: a file that was not confirmed, or a track that cannot be read.
+        DermisError: a file was not confirmed, or a track cannot be read.
     """
     agreed_paths.check(scene.dermis_stream, "track_file", "screen_file", "log_folder", "tee")
     s = scene.dermis_stream

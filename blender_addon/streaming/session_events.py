@@ -32,7 +32,7 @@ def _table() -> tuple[tuple[list[Any], Any], ...]:
 
 
 def register() -> None:
-    """Watch for files being opened, undo and renders; put the stop on its key."""
+    """Watch for opened files, undo and renders; bind the stop to its key."""
     for handlers, function in _table():
         if function not in handlers:
             handlers.append(function)
@@ -43,7 +43,7 @@ def register() -> None:
 
 
 def unregister() -> None:
-    """End streaming with the add-on."""
+    """End streaming, and stop watching."""
     while _keys:
         keymap, item = _keys.pop()
         keymap.keymap_items.remove(item)

@@ -1,4 +1,4 @@
-"""Where a stream is logged, and where its rows go besides: the settings of a scene, as the sender takes them."""
+"""Log and tee of a stream: a scene's settings as the sender takes them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from ..preferences import user_folder
 
 
 def folder(settings: Any) -> Path:
-    """Return the folder for logs: the one that was chosen, or one of the extension's own. It need not exist."""
+    """Return the folder for logs: the chosen one, or the extension's own.
+
+    It need not exist.
+    """
     return Path(bpy.path.abspath(settings.log_folder)) if settings.log_folder else user_folder("logs")
 
 

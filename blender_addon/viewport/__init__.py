@@ -1,4 +1,4 @@
-"""The drawings of the 3D view: `shown` has them worked out and keeps them; draw callbacks only read."""
+"""The drawings of the 3D view: `shown` keeps their contents; draw callbacks only read."""
 
 from .. import on_demand
 

@@ -1,4 +1,4 @@
-"""How twins are drawn: which of them, where, and their triangles and lines."""
+"""Drawing of twins: their choice, their place, their triangles and lines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .twin import Twin
 
 
 def twins(context: bpy.types.Context) -> list[tuple[Row, Twin]]:
-    """Return the devices to draw in the current view; none where they are hidden."""
+    """Return the devices to draw in the current view; none if they are hidden."""
     scene, space = context.scene, context.space_data
     if not scene.dermis.show_twin or not getattr(space.overlay, "show_overlays", True):
         return []

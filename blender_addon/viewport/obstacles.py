@@ -1,4 +1,7 @@
-"""The space of a 3D view that is free for cards: Blender's text, gizmos, side bars and the redo panel come first."""
+"""The space of a 3D view that is free for cards.
+
+Blender's own text, gizmos, side bars and redo panel take precedence.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,10 @@ import bpy
 
 from .packing import Box
 
-MARGIN = 12  # of the room for cards [px at scale 1], as are the others
-LINE, TEXT_WIDTH, STATISTICS = 20, 300, 9  # of Blender's own text: a line's height, its width, and lines of statistics
-GIZMO_BELOW = 160  # by which the buttons of the view reach below the ball that turns it
+MARGIN = 12  # [px at scale 1] margin of the room for cards
+# Blender's own text [px at scale 1]: height of a line, width of the lines; number of lines of statistics.
+LINE, TEXT_WIDTH, STATISTICS = 20, 300, 9
+GIZMO_BELOW = 160  # [px at scale 1] by which the buttons of the view reach below the ball that turns it
 
 
 def free(context: bpy.types.Context, scale: float) -> tuple[Box, list[Box]]:

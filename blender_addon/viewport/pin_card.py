@@ -31,7 +31,7 @@ def card(row: Row, pins: Pins | None, left: float, bottom: float, width: float, 
 
 
 def grid(row: Row, pins: Pins | None) -> tuple[int, int]:
-    """Return rows and columns of a row's device; one line of pins where its preset cannot be read."""
+    """Return rows and columns of a row's device; one line if its preset cannot be read."""
     if pins is not None and pins.rows * pins.columns == len(row.values):
         return pins.rows, pins.columns
     return 1, max(len(row.values), 1)

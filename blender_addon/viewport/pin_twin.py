@@ -9,13 +9,16 @@ from ..preview.pin_preview import Pins
 from .parts import Colour, Part, heat, part_of
 
 SIDES = 14  # of a disc
-STEM = 2.4e-3  # [m] how far a pin is drawn to stick out
-LIFT = 0.12e-3  # [m] of a disc above the skin, so that both do not fight for the same pixels
+STEM = 2.4e-3  # [m] length of a pin that is drawn outside the skin
+LIFT = 0.12e-3  # [m] height of a disc above the skin, so that the skin covers no part of it
 IDLE: Colour = (0.55, 0.58, 0.62, 0.55)
 
 
 def discs(pins: Pins, forces: Array) -> Part:
-    """Return a disc a pin that meets the skin, a larger and warmer one for a larger force, and its stem."""
+    """Return a disc and a stem for each pin that meets the skin.
+
+    The disc is larger and warmer for a larger force.
+    """
     hits = np.flatnonzero(np.isfinite(pins.points[:, 0]))
     share = np.clip(forces[hits] / pins.force_limit[hits], 0.0, 1.0)
     inward = pins.directions[hits]

@@ -12,7 +12,7 @@ LINE = 17
 
 
 def lines_of(row: Row) -> list[tuple[str, float, str]]:
-    """Return name, share of the range and value for people, a line a motor."""
+    """Return the name, share of the range, and value as text, for each motor."""
     out = []
     for name, value in row.values.items():
         low, high = row.low.get(name), row.high.get(name)
@@ -22,7 +22,7 @@ def lines_of(row: Row) -> list[tuple[str, float, str]]:
 
 
 def height(row: Row) -> float:
-    """Return how tall a row's card is [px at scale 1]."""
+    """Return the height of a row's card [px at scale 1]."""
     return LINE * (len(row.values) + 2.6)
 
 

@@ -1,9 +1,8 @@
-"""Twins of the platforms: cables and springs or six legs between base and disc, as coloured triangles in the finger's
-frame.
+"""Twins of platforms, as coloured triangles in the finger's frame.
 
-Motors are taken as commanded. A cable platform is in balance with the skin that it presses, so its cables' tensions
-are those under load: their colour goes from blue to orange with the servo's limit. Legs are coloured by their share of
-the stroke.
+Cables with springs, or six legs, connect base and disc. Motors are at their commands. A cable platform is in balance
+with the skin that it presses, so the tensions of its cables are those under load. The colour of a cable goes from blue
+at no tension to orange at the servo's limit. The colour of a leg goes with its share of the stroke.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ class State(NamedTuple):
 
 
 def state(spec: Any, commands: Array, skin: Any | None, touching: bool) -> State:
-    """Return where a platform is for commands of its own channels.
+    """Return the state of a platform for commands of its own channels.
 
     Args:
         skin: the skin that it presses; None for a platform in the air.

@@ -58,5 +58,5 @@ def at(name: str, levels: Array) -> Array:
 
 
 def segments(name: str) -> int:
-    """Return of how many straight parts a colour map is made."""
+    """Return the number of linear parts of a colour map."""
     return len(_STOPS[name]) - 1

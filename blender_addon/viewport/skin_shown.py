@@ -1,4 +1,4 @@
-"""The drawn skins at the current frame: values, worked out once, and the range of their colours."""
+"""The drawn skins at the current frame: their values and the range of colours."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ _stresses = {"stress_computed": 0, "stress_skipped": 0, "stress_kept": 0}
 
 
 def shown(scene: bpy.types.Scene, states: tuple[SkinState, ...]) -> Shown:
-    """Return skins with their values, and the range of the colours; no values where the heat map is off."""
+    """Return skins with their values, and the range of the colours.
+
+    There are no values if the heat map is off.
+    """
     view = scene.dermis.skin_view
     made = [s for s in states if s.model is not None and view.show]
     known = dict(zip(map(id, made), all_values(made, view.quantity, view.exaggeration), strict=True))
@@ -43,7 +46,7 @@ def shown(scene: bpy.types.Scene, states: tuple[SkinState, ...]) -> Shown:
 
 
 def counters() -> dict[str, int]:
-    """Return for how many skins and frames values were computed, were none, and were those of before."""
+    """Return how often a skin's values were computed, were zero, or were kept."""
     return dict(_stresses)
 
 
@@ -53,12 +56,12 @@ def forget_range() -> None:
 
 
 def values(state: SkinState, quantity: str, exaggeration: float) -> Drawn:
-    """Return a skin with its values, worked out once while it stays."""
+    """Return a skin with its values, kept until the skin changes."""
     return all_values((state,), quantity, exaggeration)[0]
 
 
 def all_values(states: Sequence[SkinState], quantity: str, exaggeration: float) -> list[Drawn]:
-    """Return several skins with their values, each worked out once while it stays."""
+    """Return several skins with their values, each kept until the skin changes."""
     key = (quantity, round(float(exaggeration), 4))
     anew = [state for state in states if not _stays(state, key)]
     _stresses["stress_kept"] += len(states) - len(anew)
@@ -72,7 +75,7 @@ def all_values(states: Sequence[SkinState], quantity: str, exaggeration: float) 
 
 
 def _stays(state: SkinState, key: tuple[Any, ...]) -> bool:
-    """Return whether the last drawing of a skin is right for it now."""
+    """Return whether the last drawing of a skin is still right."""
     kept = _drawn.get(state.finger)
     if kept is None or kept[1] != key:
         return False
@@ -104,11 +107,11 @@ def _range(scene: bpy.types.Scene, drawn: list[Drawn]) -> tuple[float, float]:
 
 
 def colour_table(view: Any) -> str:
-    """Return the name of the colour map that is in use."""
+    """Return the name of the colour map in use."""
     return "signed" if view.quantity in SIGNED else str(view.colours)
 
 
 def forget() -> None:
-    """Forget everything that was worked out."""
+    """Forget all values and ranges."""
     _drawn.clear()
     _largest.clear()

@@ -1,7 +1,7 @@
 """The heat map in the 3D view: the deformed skin over the artist's finger.
 
-Where the skin touches, an object hides it from every side, so the hidden part is drawn once more, through the objects
-in front. Draws from the frame that `shown` has kept.
+Where the skin touches an object, the object hides it from every side. So the hidden part is drawn once more, through
+the objects in front. The module draws from the frame that `shown` has kept.
 """
 
 from __future__ import annotations

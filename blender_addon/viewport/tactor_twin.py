@@ -25,9 +25,9 @@ FINGER = 6e-3  # [m] radius of the ring that stands for a finger on a screen
 
 
 def tactor(row: Row, exaggeration: float) -> Twin:
-    """Return a shear tactor's twin; its movement is drawn so many times as large as it is.
+    """Return a shear tactor's twin, with its movement multiplied by `exaggeration`.
 
-    The device sits between the pad and the touched object: its hidden part shows through as a flat figure.
+    The device sits between the pad and the touched object, so its hidden part is drawn as a flat figure.
     """
     at = np.eye(4)
     at[:2, 3] = exaggeration * np.array([row.values["tactor_x"], row.values["tactor_y"]])
@@ -38,7 +38,10 @@ def tactor(row: Row, exaggeration: float) -> Twin:
 
 
 def screen(row: Row) -> Twin:
-    """Return the field under a finger on a friction screen: it glows with the amplitude, through everything."""
+    """Return the field under a finger on a friction screen.
+
+    It glows with the amplitude, and is drawn through all objects.
+    """
     level = float(np.clip(row.values["amplitude"] / row.full_scale("amplitude"), 0.0, 1.0))
     colour, radius = heat(level), FINGER + 9e-3 * level
     lines = [Line(circle(FINGER), (*colour[:3], 0.9), 1.5)]
@@ -86,7 +89,10 @@ def pin() -> Part:
 
 @cache
 def plan() -> Part:
-    """Return housing and hole as flat shapes in the pad's plane, for where a surface hides the solid ones."""
+    """Return housing and hole as flat shapes in the pad's plane.
+
+    They are drawn where a surface hides the solid parts.
+    """
     hole = circle(HOLE)
     ring = ribbon(hole, circle(RIM), np.tile((*HOUSING[:3], 0.55), (len(hole), 1)))
     return joined([ring, disc(HOLE, 0.0, (*CAP[:3], 0.55), (*CAP[:3], 0.55))])

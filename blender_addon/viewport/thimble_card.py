@@ -1,4 +1,4 @@
-"""The card of a thimble: its servos as gauges, its pose, and how far the rendered stress is off."""
+"""The card of a thimble: servos as gauges, pose, error of the rendered stress."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .parts import heat
 
 
 def card(row: Row, joints: thimble_twin.Joints | None, left: float, bottom: float, width: float, scale: float) -> None:
-    """Draw the servos as gauges between their limits, their pose, and how far the rendered stress is off [px]."""
+    """Draw the servos as gauges between their limits, the pose, and the mismatch [px]."""
     line, used = 20 * scale, thimble_twin.shares(row)
     top = bottom + 5.1 * line
     bar = 0.42 * width
@@ -23,7 +23,7 @@ def card(row: Row, joints: thimble_twin.Joints | None, left: float, bottom: floa
         paint.rectangle(middle - 0.5, y - 2 * scale, 1.0, 12 * scale, paint.FAINT)
         paint.text(f"{np.degrees(angle):+.1f}°", left + bar + 6 * scale, y, paint.INK, scale)
     x, y = left + 0.66 * width, top - 0.75 * line
-    if joints is not None:  # the pose that these angles make, whoever says them: a device reports its servos alone
+    if joints is not None:  # the pose that follows from the angles, since a device reports its servos alone
         pitch, roll, distance = joints.x.tolist()
         for words in (f"pitch {np.degrees(pitch):+.1f}°", f"roll {np.degrees(roll):+.1f}°", f"{1e3 * distance:.2f} mm"):
             paint.text(words, x, y, paint.INK, scale)

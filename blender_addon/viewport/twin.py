@@ -11,7 +11,7 @@ class Twin(NamedTuple):
     """The drawing of a device, in the finger's frame [m], finished: a draw callback only draws it.
 
     Attributes:
-        solid: the device itself. hidden: the part that shows where something is in front.
+        solid: the device itself. hidden: the part that is drawn where something is in front.
         covers: whether it hides later drawings.
         lines: drawn over both.
         state: for its card in the corner: `Pins`, a thimble's `Joints`, a platform's `State`, or None.

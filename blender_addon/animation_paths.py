@@ -16,9 +16,10 @@ from . import compat
 
 
 def element_removed(owner: bpy.types.ID, collection: str, index: int) -> list[str]:
-    """Let keys, NLA strips and drivers follow the removal of one element; return the drivers that lost their source.
+    """Let keys, NLA strips and drivers follow the removal of an element.
 
-    An action that others use too, or that is linked, is copied first: their elements have not moved.
+    Return the drivers that lost their source. An action that others use too, or that is linked, is copied first,
+    because the elements of the others have not moved.
 
     Args:
         collection: path of the collection, such as 'dermis.finger.devices'.

@@ -1,9 +1,9 @@
 """Record of changes to scenes: changed names since the last bake, and counters.
 
-The counters rise with the changes that they count. The module imports nothing but `action_content` and `scene_time`, so
-that modules that declare properties or sweep the frames can import it. `handlers` records the updates that Blender
-reports. `results.store` reads whether a bake is out of date, the preview whether its history goes on, and caches
-whether they still hold.
+The counters rise with the changes that they count. Of the add-on, the module imports only `action_content` and
+`scene_time`, so that modules that declare properties or sweep the frames can import it. `handlers` passes on the
+updates that Blender reports. `results.store` reads whether a bake is out of date, the preview whether its history still
+holds, and caches whether their contents still hold.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The presets that menus offer, read when a menu is opened or a finger is first shown, and never while drawing."""
+"""The presets that menus offer.
+
+They are read when a menu is opened or a finger is first shown, and never while drawing.
+"""
 
 import re
 from collections.abc import Callable
@@ -60,7 +63,11 @@ def title(group: str, key: str) -> str:
 
 
 def worn(label: str) -> str:
-    """Return 'finger: preset', as settings name a device on a finger, with the device's name in place of its key."""
+    """Return 'finger: preset' with the device's name in place of its key.
+
+    Args:
+        label: 'finger: preset', as settings name a device on a finger.
+    """
     finger, colon, key = label.rpartition(": ")
     own, dash, number = key.rpartition("-")  # the number of a further device of the same preset
     if dash and number.isdigit() and entry("devices", key) is None:

@@ -21,7 +21,10 @@ def channelbags(action: Any) -> Iterator[Any]:
 
 
 def channelbag(owner: bpy.types.ID) -> Any:
-    """Return the channel bag that animates an ID, making action, slot, layer and strip where they are missing."""
+    """Return the channel bag that animates an ID.
+
+    Action, slot, layer and strip are made if they are missing.
+    """
     animation = owner.animation_data or owner.animation_data_create()
     action = animation.action
     if action is None:

@@ -47,13 +47,13 @@ class Doubt:
 
 
 def of(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt, ...]:
-    """Return a scene's doubts; they are looked for once after each change."""
+    """Return a scene's doubts; the search is done once after each change."""
     key = (scene.session_uid, changes.edits(), len(scene.objects))
     return _kept.make(key, lambda: look(scene, view_layer))
 
 
 def look(scene: bpy.types.Scene, view_layer: bpy.types.ViewLayer) -> tuple[Doubt, ...]:
-    """Look for doubts at the current frame, as it was evaluated last."""
+    """Search for doubts at the current frame, as it was evaluated last."""
     fingers = [obj for obj in scene.objects if obj.dermis.role == "FINGER" and obj.is_editable]
     if not fingers:
         return ()
@@ -250,8 +250,8 @@ def _others_width(finger: bpy.types.Object, objects: Sequence[bpy.types.Object])
 def _bone_lengths(finger: bpy.types.Object) -> list[float]:
     """Return the lengths of the bone before a finger's own and of its own.
 
-    They are in scene units. The list is empty if there is no such pair of bones. An importer invents the end of a last
-    bone, so that the own bone's length alone proves nothing.
+    They are in scene units. The list is empty if there is no such pair of bones, and for a skin from a mesh file. An
+    importer invents the end of a last bone, so that the own bone's length alone proves nothing.
     """
     if finger.parent_type != "BONE" or finger.parent is None or finger.dermis.finger.skin.mesh_file:
         return []

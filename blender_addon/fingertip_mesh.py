@@ -1,7 +1,8 @@
-"""The fingertip that Add > Dermis > Finger puts into the scene: shape in millimetres, mesh in scene units.
+"""The fingertip that Add > Dermis > Finger puts into the scene.
 
-Its origin is the pad's centre, +Y points to the tip, +Z to the nail, so the object's own matrix is the finger's frame.
-Pad and sides follow the engine's skin of the same lengths; crease, nail bed, folds and nail are drawn on top of it.
+Its shape is in millimetres, its mesh in scene units. Its origin is the pad's centre, +Y points to the tip, and +Z to
+the nail, so the object's own matrix is the finger's frame. Pad and sides follow the engine's skin of the same lengths;
+crease, nail bed, folds and nail are drawn on top of it.
 """
 
 from __future__ import annotations

@@ -52,7 +52,11 @@ def role(context: bpy.types.Context) -> str:
 
 
 def properties(layout: Any, group: Any, *names: str, keys: bool = True) -> Any:
-    """Draw properties one below the other, with dots for keyframes where there may be keys; return their column."""
+    """Draw properties one below the other; return their column.
+
+    Args:
+        names: names of the properties. keys: draw Blender's dots for keyframes beside them.
+    """
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, keys
     for name in names:

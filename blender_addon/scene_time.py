@@ -126,10 +126,10 @@ def shown_at(scene: bpy.types.Scene, evaluated_frames: T) -> T:
 
 
 def simulated_frames(scene: bpy.types.Scene, start: int, span: tuple[int, int]) -> Array:
-    """Return the scene frames at which simulations take a step, from their start to the end of a range, shape (n,).
+    """Return the scene frames at which simulations take a step, shape (n,).
 
-    They are the nearest frames in single precision at which Blender evaluates whole frames, so that no step is left
-    out.
+    They go from the start of the simulations, or of the range if that is earlier, to the end of the range. They are the
+    nearest frames in single precision at which Blender evaluates whole frames, so that no step is left out.
 
     Args:
         start: first evaluated frame of the simulations. span: first and last scene frame.

@@ -199,7 +199,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             side = next(iter(sides)) if hung.picked or RIGHT not in sides else RIGHT
             return {side: sides[side]}
         only = next(iter(sides.values()))
-        if len(hung.hands) == 1 and not only.side:  # no name says which: the person does
+        if len(hung.hands) == 1 and not only.side:  # no name gives the side: the person does
             rivals = tuple(replace(rival, side=self.hand) for rival in only.rivals)
             return {self.hand: replace(only, side=self.hand, rivals=rivals)}
         if self.hand not in sides:

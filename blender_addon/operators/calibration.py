@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Calibrate, and say which built device a finger wears."""
+"""Operators of calibration: calibrate, and choose the built device of a finger."""
 
 from typing import Any
 

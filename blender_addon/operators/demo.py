@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Add > Dermis: example scenes, each built in a scene of its own and looked at."""
+"""Add > Dermis: example scenes, each built in a new scene and shown in the view."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from .work import Work
 
 
 class _Demo(Work):
-    """Builds a scene, shows it in the window, looks at it and says what to do next."""
+    """Builds a scene, shows it in the window, turns the views to it, names the next step."""
 
     bl_options = {"REGISTER", "UNDO"}
     next_step = ""
@@ -26,7 +26,7 @@ class _Demo(Work):
         demo_stage.look_at_skins(context)
 
     def work(self: Any, context: bpy.types.Context) -> str | None:
-        """Build it and look at it."""
+        """Build the scene, and turn the views to it."""
         choices.refresh()
         scene = self.build()
         if context.window is None:

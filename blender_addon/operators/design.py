@@ -114,7 +114,7 @@ are listed. Scenes without a fresh bake are baked first; Esc cancels"""
         return _designed(context.scene)
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
-        """Write the new preset, draw the picture, and say the number."""
+        """Write the new preset, draw the picture, and report the number of motors."""
         scene = context.scene
         motors, n = result.motors(scene.dermis_design.rule), len(result.spec.channels)
         wanted = motors is not None or scene.dermis_design.motors > 0
@@ -129,7 +129,10 @@ are listed. Scenes without a fresh bake are baked first; Esc cancels"""
 
 
 def _designed(scene: bpy.types.Scene) -> jobs.Steps:
-    """Bake listed scenes without a fresh bake, then look for the motors; without a list, this scene."""
+    """Bake the listed scenes without a fresh bake, then find the fewest motors.
+
+    If no scene is listed, this scene is.
+    """
     settings = scene.dermis_design
     design_results.checked_spec(scene)  # refuses a device before the long work, not after it
     if not settings.touches:

@@ -38,7 +38,10 @@ class DERMIS_OT_export_tracks(Checked, Folder, bpy.types.Operator):
     ask: BoolProperty(name="Ask", description="Ask for the folder", default=False, options={"HIDDEN", "SKIP_SAVE"})
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Write to the output folder; ask for one on request, or if it is relative and the file was never saved."""
+        """Write to the output folder, or ask for a folder.
+
+        The person is asked on request, and if the output folder is relative and the file was never saved.
+        """
         settings = context.scene.dermis
         self.form, self.plots = settings.export_format, settings.plots
         self.directory = ""

@@ -48,7 +48,10 @@ class DERMIS_OT_open_map(File, bpy.types.Operator):
         column.prop(self, "no_data")
 
     def work(self, context: bpy.types.Context) -> str | None:
-        """Set file and answers, and look at the map: open questions are drawn under *Touch: Screen*."""
+        """Set file and answers, and examine the map.
+
+        Open questions are then drawn under *Touch: Screen*.
+        """
         screen, path = context.object.dermis.screen, self.path()
         screen.filepath = str(path)
         screen.source = "SEQUENCE" if screen.source == "SEQUENCE" else "FILE"

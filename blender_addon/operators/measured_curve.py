@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Measurements of an actuator, curve and frequency response: read from a CSV, typed, or taken away."""
+"""Measurements of an actuator, curve and frequency response: read, type, remove."""
 
 import math
 from datetime import date
@@ -30,7 +30,7 @@ class _Measured(Streaming):
     )
 
     def more(self) -> dict[str, Any]:
-        """Return a person's notes about the readings."""
+        """Return the validity and the date of the readings."""
         return {"valid_days": self.valid_days, "measured_on": date.today().isoformat()}
 
     def take(self, context: bpy.types.Context, measured: Any) -> str:
@@ -53,7 +53,7 @@ class _Curve(_Measured):
     )
 
     def more(self) -> dict[str, Any]:
-        """Return a person's notes about the readings."""
+        """Return the latency, the validity and the date of the readings."""
         return {"latency": self.latency, **super().more()}
 
 
@@ -184,7 +184,7 @@ class DERMIS_OT_measured_curve_drop(Streaming, bpy.types.Operator):
     )
 
     def work(self, context: bpy.types.Context) -> str | None:
-        """Take it away."""
+        """Remove the measurement."""
         measured_curves.drop(context.scene, self.channel, self.part)
         session.changed()
         return None

@@ -1,4 +1,4 @@
-"""Compare with Stored Tracks: how the commands of this bake differ from files that an earlier engine made."""
+"""Compare with Stored Tracks: differences of a bake's commands from older files."""
 
 from __future__ import annotations
 

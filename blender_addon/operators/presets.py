@@ -72,7 +72,7 @@ class _Preset(Work):
     )
 
     def settings(self, context: bpy.types.Context) -> Any:
-        """Return the settings at hand.
+        """Return the settings of the active object that the preset holds.
 
         Raises:
             DermisError: there are none.

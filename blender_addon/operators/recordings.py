@@ -96,7 +96,7 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
     )
     by_hand: BoolProperty(name="By Hand", description="A person chose the file", options={"HIDDEN", "SKIP_SAVE"})
     ask: BoolProperty(name="Ask", description="Ask for the columns", options={"HIDDEN", "SKIP_SAVE"})
-    _rows: Any = None  # of the file that the dialog asks about
+    _rows: Any = None  # rows of the file for which the dialog is drawn
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for the file, then for the columns if it does not name them."""
@@ -167,7 +167,10 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
         )
 
     def _unit(self) -> float | None:
-        """Return metres in a unit of places; None for metres, which places without a unit are if they can be."""
+        """Return the unit of places [m]; None for metres.
+
+        With None, places without a unit are read as metres, and are refused if they would be too far away.
+        """
         return None if self.unit == "M" else UNITS[self.unit]
 
     def _unsaid(self) -> bool:

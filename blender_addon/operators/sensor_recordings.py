@@ -22,7 +22,10 @@ MOST_FRAMES = 1_048_574  # the last frame that Blender's scenes can have
 
 
 def _followers(finger: bpy.types.Object | None) -> list[Any]:
-    """Return the settings of a finger's devices that are looked up: platforms and thimbles, the active one first."""
+    """Return the settings of a finger's platforms and thimbles, the active one first.
+
+    A look-up table can give their commands.
+    """
     if finger is None:
         return []
     families: tuple[active_presets.Family, ...] = ("platform", "thimble")

@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""The skin of a finger: its size from a preset, the range of the colours, the skins that are stored."""
+"""The skin of a finger: size from a preset, range of colours, stored skins."""
 
 import bpy
 from bpy.props import StringProperty

@@ -70,7 +70,7 @@ class DERMIS_OT_stream_disconnect(Streaming, bpy.types.Operator):
     bl_label = "Disconnect"
 
     def work(self, context: bpy.types.Context) -> str | None:
-        """End the sender; a ramp to the safe state goes on by itself."""
+        """End the sender, which still completes a ramp to the safe state."""
         session.close()
         return core.stream.client.leaving() or None
 
@@ -163,7 +163,7 @@ class DERMIS_OT_stream_rescan(Streaming, bpy.types.Operator):
     bl_label = "Rescan Ports"
 
     def work(self, context: bpy.types.Context) -> str | None:
-        """Look, and say how many there are."""
+        """Search for ports and boards, and report their numbers."""
         ports = session.rescan()
         session.read_pairs()
         return f"{counted(ports, 'serial port')}, {counted(len(session.paired_boards()), 'paired board')}"

@@ -14,7 +14,10 @@ from .work import File, active_device, listed
 
 
 def _searched(context: bpy.types.Context) -> Any | None:
-    """Return the settings of the active finger's thimble, or six legs that are searched for a pose, or None."""
+    """Return the settings of the active finger's device whose pose is searched.
+
+    It is a thimble or a platform on six legs; None without one.
+    """
     finger = active_finger(context)
     return active_presets.searched_of(finger) if finger is not None else None
 

@@ -36,9 +36,9 @@ each device. Esc cancels"""
 
 
 def _found(scene: bpy.types.Scene, finger: str) -> jobs.Steps:
-    """Look in a fresh bake whether the finger touches often enough, and tell its touches apart.
+    """Check the number of touches in a fresh bake, then compare them in pairs.
 
-    A finger whose skin no bake solves is looked at where it is worked out.
+    If no bake solves the finger's skin, `told.find` checks the number itself.
     """
     own = scene.objects[finger].dermis.finger
     if own.skin.shown or any(device.enabled and active_presets.follows_skin(device.preset) for device in own.devices):

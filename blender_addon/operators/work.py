@@ -104,7 +104,10 @@ class Chooser:
 
 
 def active_device(context: bpy.types.Context, family: "active_presets.Family") -> Any | None:
-    """Return the settings of the active finger's first device of a family that is switched on, or None."""
+    """Return the settings of the active finger's first enabled device of a family.
+
+    None without one.
+    """
     finger = active_finger(context)
     return active_presets.device_of(finger, family) if finger is not None else None
 

@@ -1,4 +1,4 @@
-"""Calibration: the built device on a finger, its deviations from the preset, and offers found in the file."""
+"""Calibration: a finger's built device, its deviations from the preset, offers."""
 
 from typing import Any
 

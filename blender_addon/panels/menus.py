@@ -1,4 +1,4 @@
-"""Menus: Add > Dermis, and the presets to choose from. They draw what their operators have read before."""
+"""Menus: Add > Dermis, and presets, which the menus' operators read before."""
 
 from typing import Any
 

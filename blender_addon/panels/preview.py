@@ -39,7 +39,7 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
             layout.prop(settings, "twin_exaggeration", slider=True)
         there = summary.of(context.scene)
         if not there.touchables and not there.screens:
-            return  # the head says what to do
+            return  # the head of the tab names the next step
         now = shown.now(context.scene)
         preview = now.devices if now is not None else None
         if preview is None:

@@ -1,4 +1,7 @@
-"""Common parts of the panels of devices with a pose: adaptation, mismatch of this frame, best achievable match."""
+"""Parts of panels of devices whose pose is searched.
+
+They are the adaptation, the mismatch of this frame, and the best achievable match.
+"""
 
 from typing import Any
 

@@ -11,7 +11,10 @@ from ..properties.scene_properties import FILE_VERSION
 
 
 class Summary(NamedTuple):
-    """Names of fingers, of those with neither an enabled device nor a shown skin, of touchable objects and screens."""
+    """Names of fingers, idle fingers, touchable objects and screens of a scene.
+
+    An idle finger has neither an enabled device nor a shown skin.
+    """
 
     fingers: tuple[str, ...]
     idle: tuple[str, ...]

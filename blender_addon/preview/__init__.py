@@ -1,4 +1,7 @@
-"""The state of skins and devices at the current frame; computed in handlers and timers, never while drawing."""
+"""The state of skins and devices at the current frame.
+
+It is computed in handlers and timers, never while drawing.
+"""
 
 from .. import on_demand
 

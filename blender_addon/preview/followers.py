@@ -16,7 +16,10 @@ Follower = tuple[SkinState, bpy.types.Object, Any, "core.devices.spec.DeviceSpec
 
 
 def searched_of(scene: bpy.types.Scene, skins: Iterable[SkinState]) -> Iterator[Follower]:
-    """Yield each skin whose finger wears a device that is searched for a pose, as `wearers_of` does."""
+    """Yield each skin whose finger wears a device whose pose is searched.
+
+    The items are those of `wearers_of`.
+    """
     for skin in skins:
         obj = identity.named(scene, skin.finger)
         if obj is None or skin.model is None:
@@ -29,7 +32,10 @@ def searched_of(scene: bpy.types.Scene, skins: Iterable[SkinState]) -> Iterator[
 
 
 def wearers_of(scene: bpy.types.Scene, skins: Iterable[SkinState], family: active_presets.Family) -> Iterator[Follower]:
-    """Yield each skin whose finger wears a device of a family: the skin, the finger, the settings, the preset."""
+    """Yield each skin whose finger wears a device of a family.
+
+    With the skin come the finger, the device's settings, and its preset.
+    """
     for skin in skins:
         obj = identity.named(scene, skin.finger)
         if obj is None or skin.model is None:

@@ -1,4 +1,4 @@
-"""The values that the live preview has shown since the last edit, frame by frame, for the strip to draw."""
+"""Values of the live preview since the last edit, by frame, for the strip."""
 
 from __future__ import annotations
 

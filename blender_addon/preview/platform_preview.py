@@ -1,4 +1,7 @@
-"""Commands of platforms at the current frame, without a bake: the skin of `skin_preview`, looked up in the table."""
+"""Commands of platforms at the current frame, without a bake.
+
+They are looked up in a table for the skin of `skin_preview`.
+"""
 
 from __future__ import annotations
 

@@ -116,7 +116,13 @@ def row_of(
     signals: Mapping[str, float] | None = None,
     note: str = "",
 ) -> Row:
-    """Return the row of a device with values for its channels, by name [SI]; channels without one are left out."""
+    """Return the row of a device.
+
+    Args:
+        finger, device: name of the finger's object, key of the preset. spec: the preset.
+        values: values of channels, by name [SI]; the row leaves out channels without one.
+        contact, path, signals, note: see `Row`.
+    """
     return Row(
         finger=finger,
         device=device,

@@ -63,10 +63,13 @@ def redrawn(self: Any, context: Any) -> None:
 def declared(
     *tables: core.parameters.parameter.Table, updates: Mapping[str, Update] = NO_UPDATES, override: set[str] = OVERRIDE
 ) -> Callable[[type], type]:
-    """Return a decorator that gives a group the properties of tables, before those that it declares itself.
+    """Return a decorator that gives a group the properties of tables.
+
+    They come before the properties that the group declares itself.
 
     Args:
-        updates: functions called on a change, by parameter; `touched` for the others. override: as Blender takes it.
+        updates: functions called on a change, by parameter; `touched` for the others.
+        override: Blender's `override` of each property.
     """
 
     def declare(group: type) -> type:
@@ -81,7 +84,7 @@ def declared(
 def declare_one(
     row: core.parameters.parameter.Parameter, update: Update = touched, override: set[str] = OVERRIDE
 ) -> Any:
-    """Return a parameter as a property; it can be animated where the row says so."""
+    """Return a parameter as a property; it can be animated if its row is `keyed`."""
     common: dict[str, Any] = {"description": row.text, "update": update, "override": override}
     if row.source.startswith("["):
         common["description"] += f" ({row.source})"

@@ -1,4 +1,7 @@
-"""The twin's values while something streams: those that the device reports, or a track from a file."""
+"""Values for the twin in place of bake and live preview.
+
+They are those that a connected device reports, or those of a track from a file.
+"""
 
 from __future__ import annotations
 

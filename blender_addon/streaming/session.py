@@ -1,7 +1,8 @@
 """Blender's side of streaming: one sender process and its reported status.
 
-A timer sends heartbeats to the sender. No function here waits for a device, and nothing connects by itself. The stream
-ends when the file is closed, when the add-on is disabled, and when Blender ends.
+A timer sends heartbeats to the sender. Nothing connects by itself. The stream ends when the file is closed, when the
+add-on is disabled, and when Blender ends. Functions do not wait for the device, except `close`, which waits for a short
+time.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _scene = 0  # session uid of the scene that streams
 _preset = ""  # key of the device that is connected
 _status: dict[str, Any] = {}
 _note = ""  # the message of Blender's side; the sender has its own
-_leaving = ""  # in words, the remaining work of closed senders
+_leaving = ""  # in words, the remaining work of closed senders, and why streams failed
 _published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last heartbeat
 _mode = ""  # the scene's mode at the last heartbeat
 _heartbeats = 0
@@ -85,7 +86,7 @@ def _caution(protocol: str) -> str:
 
 
 def silence() -> str:
-    """Return the connected board's declared behaviour in silence, as a sentence; '' before it is known."""
+    """Return the connected board's declared behaviour in silence, '' if unknown."""
     text = str(_status.get("silence", {}).get("text", ""))
     return f"{text[:1].upper()}{text[1:]}." if text else ""
 
@@ -160,7 +161,8 @@ def connect(scene: bpy.types.Scene) -> None:
 def close() -> None:
     """Stop, disconnect and end the sender.
 
-    Its process may go on until the device has reached its safe state. The function may be called at any time.
+    The function waits for a short time. After that, the process may go on until the device has reached its safe state.
+    The function may be called at any time.
     """
     global _client, _leaving, _note, _published, _restored, _status
     client, _client = _client, None
@@ -175,9 +177,9 @@ def close() -> None:
 
 
 def leaving() -> str:
-    """Return in words the work that closed senders have left, '' if all ended.
+    """Return in words the work that closed senders have left, and why streams failed.
 
-    It is the work at the last heartbeat; no query is sent.
+    '' if there is neither. The text is that of the last heartbeat; no query is sent.
     """
     return _leaving
 
@@ -248,7 +250,10 @@ def stop() -> None:
 
 
 def changed() -> None:
-    """Pass changed settings on to a running sender; a sender that does not run takes them when it starts."""
+    """Pass changed settings on to the running sender, if there is one.
+
+    A sender that starts later takes them at its start.
+    """
     global _note
     scene = _streaming_scene()
     if _client is None or scene is None or calibration_rows.restoring():

@@ -1,4 +1,7 @@
-"""Events that end or change a session from outside: opened files, undo, renders, the key for Stop, the add-on."""
+"""Events outside the panel that end or change a session.
+
+These are opened files, undo, renders, the key for Stop, and the add-on's end.
+"""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def _changed(self: Any, context: Any) -> None:
 
 def _moded(self: Any, context: Any) -> None:
     if self.mode == "jog" and not calibration_rows.restoring() and calibration_offers.is_ours(self) and self.channels:
-        with suppress(DermisError):  # the device is gone: connecting says so
+        with suppress(DermisError):  # the device is gone: connecting reports this
             device_calibration.retract(self.id_data)
     _changed(self, context)
 

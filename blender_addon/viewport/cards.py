@@ -147,7 +147,7 @@ def draw() -> None:
             for i in bone_names.order(tuple(row.finger for row in devices.rows), fingers)
         ]
     pads = bone_names.order(tuple(state.finger for state in skins.states), fingers) if settings.skin_view.maps else ()
-    alone = devices is not None and devices.source == "live" and not skins.states  # with skins, their legend says it
+    alone = devices is not None and devices.source == "live" and not skins.states  # else the legend has the source
     said = settings.show_readout and (rows or alone)
     names = [Card(scene.session_uid, row.finger, row.title) for row, _ in rows]
     heights = [

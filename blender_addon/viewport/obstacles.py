@@ -18,7 +18,10 @@ GIZMO_BELOW = 160  # [px at scale 1] by which the buttons of the view reach belo
 
 
 def free(context: bpy.types.Context, scale: float) -> tuple[Box, list[Box]]:
-    """Return the box within a view's side bars and headers, and those of Blender's own drawings [px at scale 1]."""
+    """Return the room for cards, and the boxes that are taken [px at scale 1].
+
+    The room is within a view's side bars and headers. Blender's own drawings and other regions take boxes.
+    """
     region, taken = context.region, []
     left, right, top = 0.0, float(region.width), float(region.height)
     for other in context.area.regions:

@@ -1,4 +1,4 @@
-"""The devices' twins in the 3D view, on the fingers that wear them. Draws from the frame that `shown` has kept."""
+"""Twins of devices in the 3D view, drawn from the frame that `shown` has kept."""
 
 from __future__ import annotations
 

@@ -57,7 +57,11 @@ def columns(
 
 
 def rows(widths: Sequence[float], height: float, room: Box, taken: Sequence[Box], gap: float) -> list[Box]:
-    """Place cards of one height from left to right, in rows from the bottom; return places of the first that fit."""
+    """Place cards of one height from left to right, in rows from the bottom.
+
+    Returns:
+        Places of the first cards, as many as fit.
+    """
     return _strips(widths, height, room, taken, gap)
 
 
@@ -126,7 +130,10 @@ def _stacked(lengths: Sequence[float], free: Box, gap: float) -> list[Box]:
 
 
 def _longest(strip: Box, taken: Sequence[Box], gap: float) -> Box:
-    """Return the longest part of a strip along X that keeps a gap from the taken boxes; the last of equal ones."""
+    """Return the longest part of a strip along X that keeps a gap from taken boxes.
+
+    Of parts of equal length, it is the last one.
+    """
     best, left = Box(strip.right, strip.bottom, 0.0, strip.height), strip.left
     wide = [Box(b.left - gap, b.bottom - gap, b.width + 2 * gap, b.height + 2 * gap) for b in taken]
     ends = sorted((b.left, b.right) for b in wide if b.meets(strip))

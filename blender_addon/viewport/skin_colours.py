@@ -39,7 +39,7 @@ _STOPS: dict[str, tuple[str, ...]] = {
         "fde725",
     ),
     "grey": ("1a1a1a", "f5f5f5"),
-    # blue, white and orange: signs can be told apart without telling red from green
+    # blue, white and orange: the sign is visible without distinguishing red from green
     "signed": ("0b3c8c", "2f6cc4", "73a6e0", "b9d3f0", "f2f2f2", "f8d2a8", "f2a254", "dd7413", "9c4a00"),
 }
 

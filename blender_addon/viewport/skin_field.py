@@ -26,7 +26,7 @@ SMALL = 250  # up to so many pad nodes, the whole map from forces to the drawn s
 
 
 class Quantity(NamedTuple):
-    """The quantity in colour: its name for people, the legend's unit, and the size of that unit in SI."""
+    """A quantity in colour: title, unit of the legend, and size of that unit in SI."""
 
     title: str
     unit: str
@@ -129,7 +129,7 @@ def learn(state: SkinState, quantity: str) -> Iterator[None]:
     if state.points is None or not _is_stress(quantity) or not state.force.any():
         return
     own, model, surface = kit(state.model.mesh), state.model, state.points.surface
-    if model.follows_law and id(surface.remainder) not in own.readings:  # skins are read before their law is asked for
+    if model.follows_law and id(surface.remainder) not in own.readings:  # the matrices of its law are made at first use
         operator = model.operator
         yield from loading.aside(
             lambda: (operator.strain_matrix, operator.volumetric_matrix, _reading_of(own, model.mesh, surface))
@@ -166,7 +166,10 @@ def draws_of(states: Sequence[SkinState], quantity: str, exaggeration: float = 1
 
 
 class _Nodes(NamedTuple):
-    """The state of a touched skin at its surface's nodes: displacement [m] (s, 3), values of a quantity (s,)."""
+    """State of a touched skin at its surface's nodes.
+
+    It has their displacement [m], shape (s, 3), and the values of a quantity, shape (s,).
+    """
 
     own: _Kit
     stimulus: core.skin.stimulus.Stimulus
@@ -248,7 +251,10 @@ def _beneath(
 
 
 def _below_of(own: _Kit, surface: core.skin.surface_compliance.SurfaceCompliance) -> _Below:
-    """Return the drawn vertices over or beside a smooth pad, with the table of the stress below them, made once."""
+    """Return the drawn vertices over or beside a smooth pad, made once.
+
+    With them comes the table of the stress below them.
+    """
     below = own.below.get(id(surface.remainder))
     if below is None:
         from scipy.spatial import cKDTree
@@ -262,7 +268,10 @@ def _below_of(own: _Kit, surface: core.skin.surface_compliance.SurfaceCompliance
 
 
 def _reading_of(own: _Kit, mesh: Any, surface: core.skin.surface_compliance.SurfaceCompliance) -> Any:
-    """Return the matrix that takes values of the elements to the places of `_below_of`, sparse (k, e), made once."""
+    """Return the matrix from values of elements to the places of `_below_of`.
+
+    It is sparse, of shape (k, e), and is made once.
+    """
     reading = own.readings.get(id(surface.remainder))
     if reading is None:
         points = _below_of(own, surface).table.probes.points
@@ -329,7 +338,10 @@ def _shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:
 
 
 def _stress_of(own: _Kit, model: Any) -> Any:
-    """Return the matrix from a skin's displacement to the stress of the surface's nodes at E = 1 Pa, made once."""
+    """Return the matrix from a skin's displacement to the stress of the surface's nodes.
+
+    The stress is that at E = 1 Pa. The matrix is made once.
+    """
     if model.key not in own.stresses:
         from scipy.sparse import identity, kron
 

@@ -1,4 +1,4 @@
-"""Skins on the graphics card: their triangles, the colour maps, and the shader that turns values into colours."""
+"""Skins on the graphics card: triangles, colour maps, shader of values."""
 
 from __future__ import annotations
 

@@ -43,12 +43,14 @@ def twin_of(scene: bpy.types.Scene, row: Row) -> Twin | None:
             case "platform":
                 return _platform(obj, row)
     except DermisError:
-        pass  # the bake says why
+        pass  # the bake reports the reason
     return None
 
 
 def mounted_mechanism(obj: bpy.types.Object, preset: str) -> tuple[core.devices.thimble.Thimble, float] | None:
-    """Return a thimble as it sits on a finger, and its reference distance [m]; None while it is unknown.
+    """Return a thimble as mounted on a finger, and its reference distance [m].
+
+    None while they are unknown.
 
     Raises:
         DermisError: a preset or settings that cannot be used.

@@ -34,7 +34,7 @@ def element_removed(owner: bpy.types.ID, collection: str, index: int) -> list[st
 
 
 def _followed(path: str, pattern: re.Pattern[str], index: int) -> str | None:
-    """Return the new name of a path, '' if its element is gone; None where it does not change."""
+    """Return the new path, '' if its element is gone, None if it does not change."""
     found = pattern.match(path)
     if found is None or int(found[1]) < index:
         return None
@@ -102,7 +102,10 @@ def _in_targets(owner: bpy.types.ID, pattern: re.Pattern[str], index: int) -> li
 
 
 def _animated() -> Iterator[Any]:
-    """Yield every ID of this file that has animation data once, node trees inside others included."""
+    """Yield every ID of this file with animation data once.
+
+    Node trees inside other IDs are included.
+    """
     seen = set()
     for prop in bpy.data.bl_rna.properties:
         if prop.type != "COLLECTION":

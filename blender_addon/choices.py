@@ -44,7 +44,10 @@ def reader() -> Callable[[], None]:
 
 
 def entries(group: str) -> tuple[Any, ...]:
-    """Return the presets of 'devices', 'materials' or 'skins', broken ones too; empty before the first `refresh`."""
+    """Return the presets of 'devices', 'materials' or 'skins', broken ones too.
+
+    There are none before the first `refresh`.
+    """
     return _cache.get(group, ())
 
 
@@ -97,7 +100,7 @@ def known() -> bool:
 
 
 def kind_of(key: str) -> str:
-    """Return the kind of a device preset, such as 'shear_tactor'; '' where that is not known."""
+    """Return the kind of a device preset, such as 'shear_tactor'; '' if unknown."""
     found = entry("devices", key)
     return str(found.kind) if found is not None else ""
 

@@ -1,4 +1,6 @@
-"""Dermis without a window: `blender --command dermis render scene.blend --out DIR`, and `sample`.
+"""Command line of the add-on, for Blender without a window.
+
+The commands are `blender --command dermis render scene.blend --out DIR`, and `sample`.
 
 The exit status is 0 if all went well, 1 if there is a finding of severity error or a defect, and 2 if the work was
 refused or the command line was not understood. `python -m core` uses the same numbers.

@@ -13,7 +13,10 @@ BLEND_RELATIVE = {"PATH_SUPPORTS_BLEND_RELATIVE"}
 
 
 def channelbags(action: Any) -> Iterator[Any]:
-    """Yield every channel bag of an action, whichever slot it belongs to (Blender 5 has no `action.fcurves`)."""
+    """Yield the channel bags of all slots of an action.
+
+    Blender 5 has no `action.fcurves`.
+    """
     for layer in action.layers:
         for strip in layer.strips:
             if strip.type == "KEYFRAME":
@@ -37,7 +40,7 @@ def channelbag(owner: bpy.types.ID) -> Any:
 
 
 def slot_bag(action: Any, slot: Any) -> Any:
-    """Return the channel bag of a slot, making layer and strip where they are missing."""
+    """Return the channel bag of a slot; make layer and strip if they are missing."""
     if bpy.app.version >= (5, 0, 0):
         from bpy_extras import anim_utils
 
@@ -112,7 +115,10 @@ def taken(owner: bpy.types.ID, name: str, key: str) -> Any:
 
 
 def action_holders(animation: Any) -> Iterator[Any]:
-    """Yield all owners of a reference to an action: the animation data, and the strips of its NLA tracks."""
+    """Yield all owners of a reference to an action.
+
+    They are the animation data, and the strips of its NLA tracks.
+    """
     yield animation
     for track in animation.nla_tracks:
         yield from _strips(track.strips)
@@ -125,5 +131,8 @@ def _strips(strips: Iterable[Any]) -> Iterator[Any]:
 
 
 def shows(window: bpy.types.Window, scene: bpy.types.Scene) -> bool:
-    """Return whether a window shows a scene: its own, or from 5.0 on the one that its sequencer plays."""
+    """Return whether a window shows a scene.
+
+    It shows its own scene and, in Blender 5.0 and later, the scene that its sequencer plays.
+    """
     return scene in (window.scene, getattr(window.workspace, "sequencer_scene", None))

@@ -29,7 +29,10 @@ OURS = "dermis_fingertip"  # custom property of a mesh that follows the finger's
 
 @dataclass(frozen=True)
 class Lengths:
-    """Lengths of a fingertip [mm]; see the engine's `FingertipShape`. The default is an adult's index finger."""
+    """Lengths of a fingertip [mm]; see the engine's `FingertipShape`.
+
+    The default is an adult's index finger.
+    """
 
     width: float = 16.0
     thickness: float = 13.0
@@ -71,7 +74,10 @@ class Lengths:
 
 
 def shape(lengths: Lengths | None = None) -> tuple[Array, list[tuple[int, ...]], NDArray[np.int32]]:
-    """Return vertices [mm] (n, 3), polygons, and the material of each polygon: 0 skin, 1 nail."""
+    """Return a fingertip's vertices, polygons and materials.
+
+    Vertices are in mm, shape (n, 3). The material of a polygon is 0 for skin and 1 for the nail.
+    """
     lengths = lengths or Lengths()
     skin, skin_faces = _skin(lengths)
     nail, nail_faces = _nail(lengths)

@@ -124,7 +124,7 @@ def give(obj: bpy.types.Object) -> str:
 
 
 def worn(obj: bpy.types.Object) -> list[tuple[Device, Any]]:
-    """Return the devices of a finger that are switched on and have a preset, each with its settings."""
+    """Return a finger's enabled devices with a preset, each with its settings."""
     own = identity(obj)
     pairs = zip(devices(obj), obj.dermis.finger.devices, strict=True)
     return [(Device(own, said), item) for said, item in pairs if item.enabled and item.preset]

@@ -72,7 +72,7 @@ def report_error(operator: bpy.types.Operator, error: Exception, what: str = "")
 
 
 def report_findings(operator: bpy.types.Operator, found: Sequence[Any], what: str, done: str) -> None:
-    """Report that work is done, with the number of findings and the worst of them, and fill the list."""
+    """Report that work is done, with its worst finding, and fill the list."""
     show(found, what)
     # Blender turns a report of type ERROR into an exception for scripts: the work was done, so it is a warning.
     severity = worst(_findings)

@@ -75,7 +75,10 @@ class Clock:
 
 
 def rate(scene: bpy.types.Scene) -> Fraction:
-    """Return fps / fps_base as the simplest fraction that Blender's single precision stands for (30000/1001)."""
+    """Return the frame rate, fps / fps_base, as a fraction such as 30000/1001.
+
+    It is the simplest fraction that Blender's single precision stands for.
+    """
     return _rate(scene.render.fps, scene.render.fps_base)
 
 

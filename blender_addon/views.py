@@ -1,4 +1,4 @@
-"""Draw callbacks of Blender's editors, the strip's switch in their menus, and keys on drawn items.
+"""Draw callbacks of Blender's editors, the strip's switch, clicks on drawn items.
 
 Registering does not load the modules that draw. A thread loads them as soon as Blender has started. Before that,
 nothing is drawn, and no frame is computed. Without a window the first call loads them.

@@ -1,5 +1,8 @@
 # mypy: disable-error-code="valid-type"
-"""Attach fingers to the hand of an armature; the panel of the last operation corrects the result."""
+"""Attach fingers to the hand of an armature.
+
+The panel of the last operation corrects the result.
+"""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any

@@ -1,5 +1,8 @@
 # mypy: disable-error-code="valid-type"
-"""Compare Devices: one finger's touch through every preset, as a table, a CSV and a page."""
+"""Compare Devices: one finger's touch as every device renders it.
+
+The result is a table, a CSV and a page.
+"""
 
 from pathlib import Path
 from typing import Any

@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Platforms and 'How many motors?': tables, touches, the answer, its picture and preset."""
+"""Platforms' tables, and 'How many motors?': touches, answer, picture, preset."""
 
 from typing import Any
 

@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Files: tracks and their plots, the sampled scene, the stored result of an earlier session."""
+"""Export of tracks, plots, sampled scenes and screen maps; loading of stored bakes."""
 
 from pathlib import Path
 from typing import Any, cast

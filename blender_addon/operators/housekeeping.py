@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Small helpers: jump to the object of a finding, open and clear the extension's folders."""
+"""Go to the object of a finding; open and clear the extension's folders."""
 
 import bpy
 from bpy.props import IntProperty

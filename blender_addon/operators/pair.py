@@ -1,4 +1,7 @@
-"""Pair a board with this computer over USB, so that it answers this computer alone over Wi-Fi."""
+"""Pair a board with this computer over USB.
+
+Over Wi-Fi, the board then answers this computer alone.
+"""
 
 from typing import Any
 

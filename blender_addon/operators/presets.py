@@ -133,7 +133,10 @@ class DERMIS_OT_remove_preset(_Preset, bpy.types.Operator):
         return context.window_manager.invoke_confirm(self, event)
 
     def work(self, context: bpy.types.Context) -> str:
-        """Delete the file; the values stay, and a device goes back to the first preset of its kind."""
+        """Delete the file.
+
+        The values stay. A device goes back to the first preset of its kind.
+        """
         settings = self.settings(context)
         kind = choices.kind_of(settings.preset)
         entry = core.own_presets.remove(library(), self.group, settings.preset)

@@ -111,7 +111,10 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
         return context.window_manager.invoke_props_dialog(self, width=640, title="Meaning of the Columns")
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Key the object; a person who chose the file is asked first for missing columns and units."""
+        """Key the object.
+
+        A person who chose the file is first asked for missing columns and units.
+        """
         if self.by_hand and not self.ask and not self.columns and not bpy.app.background and self._unsaid():
             bpy.ops.dermis.import_poses(
                 "INVOKE_DEFAULT",

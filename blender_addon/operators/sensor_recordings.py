@@ -22,7 +22,7 @@ MOST_FRAMES = 1_048_574  # the last frame that Blender's scenes can have
 
 
 def _followers(finger: bpy.types.Object | None) -> list[Any]:
-    """Return the settings of a finger's platforms and thimbles, the active one first.
+    """Return settings of a finger's platforms and thimbles, the active one first.
 
     A look-up table can give their commands.
     """

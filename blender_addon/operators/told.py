@@ -1,4 +1,7 @@
-"""Discriminability: a finger's touches through every device, compared in pairs by an ideal observer."""
+"""Discriminability of a finger's touches, real and as devices render them.
+
+An ideal observer compares them in pairs.
+"""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Platforms on a finger, and 'How many motors?': touches, the answer, couplings and the new preset."""
+"""Platforms on a finger, and 'How many motors?': touches, answer, couplings."""
 
 from typing import Any
 

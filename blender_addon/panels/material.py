@@ -114,7 +114,7 @@ class DERMIS_PT_held(DermisPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the rule and, where it is keyed, the switch; then what simulated skin has to carry."""
+        """Draw the rule, its keyed switch, and the settings of the carried weight."""
         material = context.object.dermis.material
         editable(self.layout, context.object)
         column = properties(self.layout, material, "held_mode")

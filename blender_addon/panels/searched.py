@@ -64,7 +64,10 @@ def skin_and_mismatch(layout: Any, context: bpy.types.Context, obj: bpy.types.Ob
 
 
 def floor(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:
-    """Draw the error of the best pose found for the baked touch, and that with axes along the pad."""
+    """Draw the errors for the baked touch: as rendered, and at best.
+
+    The best are those of the best pose found, without and with axes along the pad.
+    """
     layout.operator("dermis.find_floor", icon="PIVOT_CURSOR")
     found = floors.shown(context.scene, obj, device)
     if found is None:

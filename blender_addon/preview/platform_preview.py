@@ -50,7 +50,10 @@ def prepare(scene: bpy.types.Scene, target: SkinState) -> Iterator[None]:
 
 
 def commands(obj: Any, device: Any, spec: Any, target: SkinState) -> NDArray[np.float64] | None:
-    """Return motor commands for one frame's skin; None while the table is missing or cannot be used."""
+    """Return motor commands for one frame's skin.
+
+    None while the table is missing or cannot be used.
+    """
     key = (spec.hash, device.table, device.table_rows)
     kept = _commands.get(target.finger)
     if kept is not None and kept[0] is target and kept[1] == key and kept[2] is not None:

@@ -1,4 +1,4 @@
-"""Settings of an object, and nothing else: parameters live in the .blend, results outside it.
+"""Settings of an object: parameters are saved in the .blend, results outside it.
 
 Readers do not convert by hand: `parameters(group)` gives a group's values in SI under the engine's names
 (`touch_distance_mm` -> `touch_distance` in metres), and `TABLES[type(group)]` their rows, for readers that sample

@@ -16,9 +16,9 @@ from . import stream_log
 
 
 class Claim(NamedTuple):
-    """A file that a setting names: `kind` is 'read', 'write' or 'send', `what` says its purpose.
+    """A file that a setting names.
 
-    A claim to send has an address instead of a path.
+    `kind` is 'read', 'write' or 'send', and `what` is its purpose. A claim to send has an address instead of a path.
     """
 
     path: str

@@ -42,7 +42,7 @@ def serials(status: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def shown(scene: bpy.types.Scene) -> Shown:
-    """Return the panel's text on the built device, before and after connecting. Writes nothing."""
+    """Return the panel's text on the built device; write nothing."""
     try:
         one = device_calibration.worn_by(scene)
         owner = device_calibration.owner_shown(scene)

@@ -1,4 +1,7 @@
-"""A calibration as rows of the panel's list, and back: one for each actuator of a device."""
+"""Conversion of a calibration to rows of the panel's list, and back.
+
+There is one row for each actuator of a device.
+"""
 
 from __future__ import annotations
 
@@ -130,7 +133,9 @@ def same(rows: Rows, made: Any) -> bool:
 
 
 def read(part: str, text: str) -> Any:
-    """Return the curve ('response') or frequency response ('frequency') that the list holds as JSON.
+    """Return the measurement that the list holds as JSON.
+
+    It is a curve for 'response', and a frequency response for 'frequency'.
 
     Raises:
         DermisError: the text is not such a measurement.

@@ -102,7 +102,10 @@ def found_ports() -> list[tuple[str, str]]:
 
 
 def paired_boards() -> dict[str, str]:
-    """Return the addresses of the boards that were paired for Wi-Fi, by name, as they were last read."""
+    """Return the addresses of boards that were paired for Wi-Fi, by name.
+
+    They are those of the last `read_pairs`.
+    """
     return _boards
 
 

@@ -1,4 +1,7 @@
-"""The artist's settings for streaming; the state of the stream is in `session` and is never saved."""
+"""The artist's settings for streaming.
+
+The state of the stream is in `session` and is never saved.
+"""
 
 # mypy: disable-error-code="valid-type"
 

@@ -235,7 +235,11 @@ def shown_in(context: bpy.types.Context) -> bool:
 
 
 def fold_at(context: bpy.types.Context, x: float, y: float) -> bool:
-    """Fold or unfold the card at a place of the current region [px]; return whether there is one."""
+    """Fold or unfold the card at a place of the current region [px].
+
+    Returns:
+        Whether there is a card.
+    """
     for place, name in _places.get(context.region.as_pointer(), ()):
         if place.meets(Box(x, y, 1.0, 1.0)):
             _folded.symmetric_difference_update({name})

@@ -76,8 +76,9 @@ class DisplaySurface(NamedTuple):
         return cls(nodes.astype(np.int32), refine, rest, triangles, palmar, coarse, scatter, at_rest, *box)
 
     def deformed(self, points: Array, displacement: Array, nodal: Array) -> tuple[Array, Array, Array]:
-        """Return vertices [m], unit normals and values of the drawn surface, shapes (d, 3), (d, 3) and (d,).
+        """Return vertices [m], unit normals and values of the drawn surface.
 
+        Their shapes are (d, 3), (d, 3) and (d,).
         Args:
             points: the nodes on the surface at rest [m], shape (s, 3).
             displacement: displacement of those nodes [m], shape (s, 3).
@@ -157,7 +158,10 @@ def _tangents(points: Array, triangles: Indices32) -> tuple[Array, Array]:
 
 
 def _gradients(points: Array, edges: NDArray[Any], u: Array, v: Array) -> tuple[Any, Any]:
-    """Return the least-squares gradient of values along u and v from each point's neighbours, sparse (n, n) each."""
+    """Return matrices of the gradient of values along u and v, sparse (n, n) each.
+
+    The gradient at a point is fitted to its neighbours by least squares.
+    """
     from scipy.sparse import coo_array
 
     n = len(points)

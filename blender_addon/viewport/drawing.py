@@ -29,7 +29,10 @@ def twins(context: bpy.types.Context) -> list[tuple[Row, Twin]]:
 
 
 def finger_matrix(scene: bpy.types.Scene, name: str) -> Matrix | None:
-    """Return a finger's frame in scene units, without its scale: devices do not grow with an object."""
+    """Return a finger's frame in scene units, without the object's scale.
+
+    Devices do not grow with an object. None if the finger is not visible.
+    """
     obj = identity.named(scene, name)
     if obj is None or not obj.visible_get():
         return None

@@ -45,7 +45,9 @@ Place = Callable[[Sequence[float]], list[Box]]
 def columns(
     heights: Sequence[float], width: float, room: Box, taken: Sequence[Box], gap: float, *, right: bool = False
 ) -> list[Box]:
-    """Place cards of one width from top to bottom, in columns from the left, or from the right.
+    """Place cards of one width from top to bottom, in columns.
+
+    Columns go from the left, or from the right if `right` is set.
 
     Returns:
         Places of the first cards, as many as fit.

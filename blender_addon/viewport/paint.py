@@ -1,4 +1,7 @@
-"""Drawing for overlays: text, boxes, lines, discs and colour strips, in pixels; lines also in space."""
+"""Drawing of overlays in pixels: text, boxes, lines, discs and colour strips.
+
+Lines can also be drawn in space.
+"""
 
 from __future__ import annotations
 

@@ -20,7 +20,10 @@ LIGHT = np.array([0.35, -0.45, 0.82]) / np.linalg.norm([0.35, -0.45, 0.82])
 
 
 class Part(NamedTuple):
-    """Triangles with a colour at every vertex: positions [m] (n, 3), colours (n, 4), indices (t, 3)."""
+    """Triangles with a colour at every vertex.
+
+    Positions [m] have the shape (n, 3), colours (n, 4), and triangles, which are indices, (t, 3).
+    """
 
     positions: NDArray[np.float32]
     colours: NDArray[np.float32]
@@ -45,7 +48,10 @@ def part_of(positions: Array, colours: Array, triangles: NDArray[Any]) -> Part:
 
 
 def heat(level: float) -> Colour:
-    """Return a colour for a level from 0 to 1: blue, through white, to orange; safe for the colour-blind."""
+    """Return a colour for a level from 0 to 1: blue, through white, to orange.
+
+    These colours are safe for the colour-blind.
+    """
     level = min(max(level, 0.0), 1.0)
     first = 0 if level < 0.5 else 1
     r, g, b = (a + 2.0 * (level - 0.5 * first) * (z - a) for a, z in zip(HEAT[first], HEAT[first + 1], strict=True))
@@ -94,7 +100,12 @@ def bar(start: Array, end: Array, half: float, colour: Colour, sides: int = 6) -
 
 
 def bars(starts: Array, ends: Array, halves: Array, colours: Array, sides: int = 6) -> Part:
-    """Return bars between points [m], closed at both ends; shapes (n, 3), (n, 3), (n,) and (n, 4)."""
+    """Return bars between points [m], closed at both ends.
+
+    Args:
+        starts, ends: ends of the bars [m], shape (n, 3). halves: half widths [m], shape (n,).
+        colours: shape (n, 4). sides: number of sides of each bar.
+    """
     along = ends - starts
     side, up = across(along / np.maximum(np.sqrt(core.motion.vectors.dot(along, along)), 1e-12)[:, None])
     cosine, sine = _round(sides)
@@ -125,14 +136,22 @@ def _bar_triangles(count: int, sides: int) -> NDArray[np.int32]:
 
 
 def ribbon(first: Array, second: Array, colours: Array) -> Part:
-    """Return the strip between two lines of n points [m], shapes (n, 3), with colours along it, shape (n, 4)."""
+    """Return the strip between two lines of points.
+
+    Args:
+        first, second: points of the lines [m], shape (n, 3). colours: colours along the strip, shape (n, 4).
+    """
     n, i = len(first), np.arange(len(first) - 1)
     triangles = np.vstack([np.stack([i, i + 1, n + i + 1], axis=1), np.stack([i, n + i + 1, n + i], axis=1)])
     return part_of(np.vstack([first, second]), np.vstack([colours, colours]), triangles)
 
 
 def across(along: Array) -> tuple[Array, Array]:
-    """Return two unit vectors that are perpendicular to each unit vector and to each other, shape (n, 3) each."""
+    """Return two unit vectors that are perpendicular to each vector and to each other.
+
+    Args:
+        along: unit vectors, shape (n, 3), as are the results.
+    """
     other = np.where(np.abs(along[:, 1:2]) < 0.9, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
     cross = core.motion.vectors.cross
     side = cross(along, other)

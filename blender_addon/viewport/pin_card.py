@@ -11,7 +11,7 @@ from .parts import heat
 
 
 def card(row: Row, pins: Pins | None, left: float, bottom: float, width: float, height: float, scale: float) -> None:
-    """Draw the map of a pin array as its wearer would see it through the nail, tip up, and its figures [px]."""
+    """Draw the map of a pin array, seen through the nail, tip up, and its figures [px]."""
     forces, high = row.numbers, max(row.full_scale(name) for name in row.values)
     rows, columns = grid(row, pins)
     cell = min(width / columns, (height - 22 * scale) / rows)

@@ -1,4 +1,7 @@
-"""The twin of a pin array: each pin a disc at its point of action; colour and size follow its force."""
+"""The twin of a pin array: a disc at each pin's point of action.
+
+Colour and size of a disc follow the force of the pin.
+"""
 
 from __future__ import annotations
 

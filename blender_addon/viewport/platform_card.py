@@ -1,4 +1,4 @@
-"""The card of a platform: its motors as gauges over their range, and the tensions of cables."""
+"""The card of a platform: motors as gauges over their range, cable tensions."""
 
 from __future__ import annotations
 

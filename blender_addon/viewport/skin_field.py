@@ -73,7 +73,7 @@ class _Below(NamedTuple):
 
 @dataclass(eq=False)
 class _Kit:
-    """The parts for drawing a mesh: its surface, and how element values get to the surface's nodes.
+    """The parts for drawing a mesh: its surface, and matrices to its nodes.
 
     Attributes:
         surface: the drawn surface. points: its nodes at rest [m], shape (s, 3).
@@ -217,7 +217,10 @@ def is_light(state: SkinState) -> bool:
 
 
 def _linear(own: _Kit, state: SkinState, quantity: str, stressed: bool) -> tuple[Array, Array]:
-    """Return displacement (s, 3) and averaged stress (s, 6) of the surface's nodes of linear skin."""
+    """Return displacement and averaged stress of the surface's nodes, linear skin.
+
+    Their shapes are (s, 3) and (s, 6).
+    """
     model = state.model
     if model.pad_count <= SMALL and quantity != "energy":
         return _by_shortcut(own, model, state.force)
@@ -287,8 +290,9 @@ def _read(quantity: str, stress: Array) -> Array:
 
 
 def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
-    """Return displacement (s, 3) and averaged stress (s, 6) of the surface's nodes by one small product.
+    """Return displacement and averaged stress of the surface's nodes by one product.
 
+    Their shapes are (s, 3) and (s, 6).
     Both are linear in the forces. For all skins but fine ones the whole map is small, and its product takes a third of
     the time of a pass over all elements. Displacement goes with 1 / E; stress for given forces does not depend on E.
     """
@@ -325,7 +329,10 @@ def _kept_shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:
 
 
 def _shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:
-    """Return displacement and stress of the surface's nodes at E = 1 Pa for unit forces, shape (3 m, 9 s)."""
+    """Return displacement and stress of the surface's nodes for unit forces.
+
+    They are those at E = 1 Pa, in one table of shape (3 m, 9 s).
+    """
     mesh, size = model.mesh, 3 * model.pad_count
     moved = np.zeros((size, len(mesh.nodes), 3), np.float32)
     moved[:, mesh.free] = model.unit_response.reshape(size, -1, 3)

@@ -1,4 +1,4 @@
-"""Skins on the graphics card: triangles, colour maps, shader of values."""
+"""Skins on the graphics card: triangles, colour maps, and the shader of values."""
 
 from __future__ import annotations
 

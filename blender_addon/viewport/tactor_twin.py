@@ -52,7 +52,10 @@ def screen(row: Row) -> Twin:
 
 
 def _moved(still: Callable[[], Part], moving: Callable[[], Part], at: Array) -> Part:
-    """Return two parts as one, the second at a pose, shape (4, 4); colours and triangles are made once."""
+    """Return two parts as one, the second at a pose, shape (4, 4).
+
+    Colours and triangles are made once.
+    """
     positions = np.concatenate([still().positions, placed(moving(), at).positions])
     return _both(still, moving)._replace(positions=positions)
 

@@ -1,6 +1,7 @@
-"""The thimble's twin: base, cranks, rods and disc as coloured triangles in the finger's frame.
+"""The thimble's twin: base, cranks, rods and disc as coloured triangles.
 
-Every part is placed by the servos' angles: the platform by forward kinematics, as the real one would be.
+They are in the finger's frame. Every part is placed by the servos' angles: the platform by forward kinematics, as the
+real one would be.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from .parts import Line, Part
 
 
 class Twin(NamedTuple):
-    """The drawing of a device, in the finger's frame [m], finished: a draw callback only draws it.
+    """The finished drawing of a device, in the finger's frame [m].
 
     Attributes:
         solid: the device itself. hidden: the part that is drawn where something is in front.

@@ -1,4 +1,4 @@
-"""Dermis in Blender: animate a finger, get a command track for a tactile device."""
+"""Dermis in Blender: command tracks for tactile devices from animated fingers."""
 
 from . import on_demand
 

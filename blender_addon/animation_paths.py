@@ -54,7 +54,10 @@ def _renumber(curves: Any, pattern: re.Pattern[str], index: int) -> None:
 
 
 def _in_actions(owner: bpy.types.ID, animation: Any, pattern: re.Pattern[str], index: int) -> None:
-    """Edit each action and slot of an owner once; first copy actions that others use."""
+    """Edit each action and slot of an owner once.
+
+    Actions that others use, or that are linked, are copied first.
+    """
     copies: dict[bpy.types.Action, bpy.types.Action] = {}
     done = set()
     for holder in compat.action_holders(animation):

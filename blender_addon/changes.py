@@ -1,5 +1,4 @@
-"""Record of changes to scenes: changed names since the last bake, and counters.
-
+"""Record of changes to scenes: names changed since a bake, and counters.
 The counters rise with the changes that they count. Of the add-on, the module imports only `action_content` and
 `scene_time`, so that modules that declare properties or sweep the frames can import it. `handlers` passes on the
 updates that Blender reports. `results.store` reads whether a bake is out of date, the preview whether its history still
@@ -74,12 +73,18 @@ def lineage() -> int:
 
 
 def ticks() -> int:
-    """Return a number that rises at every update of the scene, for caches of panels."""
+    """Return a number that rises at every update of the scene.
+
+    Caches of panels use it.
+    """
     return _ticks
 
 
 def edits() -> int:
-    """Return a number that rises with every change of the scene, but not with the frame."""
+    """Return a number that rises with every change of the scene.
+
+    A change of the frame alone does not count.
+    """
     return _edits + _generation
 
 

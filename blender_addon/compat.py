@@ -98,7 +98,10 @@ def animated_paths(owner: bpy.types.ID) -> set[str]:
 
 
 def stored(obj: bpy.types.Object, name: str) -> dict[str, Any]:
-    """Return the values that an object stores of a registered group; unset ones are missing."""
+    """Return the values that an object stores of a registered group.
+
+    Values that were never set are missing.
+    """
     holder = obj.bl_system_properties_get() if bpy.app.version >= (5, 0, 0) else obj
     group = None if holder is None else holder.get(name)
     return {} if group is None else group.to_dict()

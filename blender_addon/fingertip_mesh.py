@@ -141,7 +141,7 @@ def coloured(name: str, colour: Sequence[float]) -> bpy.types.Material:
 
 
 def shader_of(material: bpy.types.Material) -> Any:
-    """Return the Principled BSDF of a material, which Blender's new materials have."""
+    """Return the Principled BSDF that Blender's new materials have."""
     return next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
 
 
@@ -166,9 +166,9 @@ def _waist(y: Array, tip: float, drop: float) -> Array:
 
 
 def _profile(y: Array, size: Lengths) -> tuple[Array, Array, Array, Array]:
-    """Return half width, height of the middle, and extents above and below it [mm].
+    """Return a section's half width, middle height, and extents [mm].
 
-    Each has one value for every position along the finger.
+    The extents are those above and below the middle. Each has one value for every position along the finger.
     """
     section = _rounded(y / size.tip, 2.0)
     crease = 0.16 * np.exp(-(((y - size.base - 2.6) / 1.0) ** 2))  # the fold of the last joint
@@ -181,7 +181,7 @@ def _profile(y: Array, size: Lengths) -> tuple[Array, Array, Array, Array]:
 
 
 def _nail_distance(x: Array, y: Array, size: Lengths) -> Array:
-    """Return the relative distance of points from the nail's middle: 1 on its outline."""
+    """Return the distance of points from the nail's middle, 1 on its outline."""
     across, along = 2.0 * x / size.nail_width, (y - size.nail_centre) / size.nail_reach
     return np.power(np.abs(across) ** 3.2 + np.abs(along) ** 3.2, 1.0 / 3.2)
 

@@ -97,7 +97,7 @@ def devices(obj: bpy.types.Object) -> tuple[str, ...]:
 
 
 def revision() -> int:
-    """Return a number that rises at every call of `give`, for caches of identities."""
+    """Return a number that rises at every call of `give`, for caches."""
     return _revision
 
 
@@ -124,7 +124,7 @@ def give(obj: bpy.types.Object) -> str:
 
 
 def worn(obj: bpy.types.Object) -> list[tuple[Device, Any]]:
-    """Return a finger's enabled devices with a preset, each with its settings."""
+    """Return a finger's enabled devices with a preset, and their settings."""
     own = identity(obj)
     pairs = zip(devices(obj), obj.dermis.finger.devices, strict=True)
     return [(Device(own, said), item) for said, item in pairs if item.enabled and item.preset]

@@ -30,7 +30,7 @@ _running: list[Steps] = []
 
 
 class Progress(NamedTuple):
-    """Progress of the job that runs in the window: title, share up to 1, and words."""
+    """Progress of the running job: title, share up to 1, and words."""
 
     title: str
     share: float

@@ -15,9 +15,10 @@ def ui_scale() -> float:
 def paragraph(
     layout: Any, context: bpy.types.Context, text: str, icon: str = "NONE", *, inset: float = 0.0, least: int = 1
 ) -> None:
-    """Write a text over as many lines as the sidebar's width needs, less an inset [px at scale 1].
+    """Write a text, wrapped to the width of the sidebar.
 
     Args:
+        inset: part of the width that is left free [px at scale 1].
         least: smallest number of lines, so that the rows below stay in place while the text changes.
     """
     width = context.region.width if context.region else 300
@@ -25,9 +26,10 @@ def paragraph(
 
 
 def words(layout: Any, text: str, width: float, icon: str = "NONE", *, least: int = 1) -> None:
-    """Write a text over as many lines as a width needs [px at scale 1].
+    """Write a text, wrapped to a width.
 
     Args:
+        width: the width [px at scale 1].
         least: smallest number of lines.
     """
     letters = max(int((width - (52.0 if icon == "NONE" else 74.0)) / 6.2), 16)

@@ -18,8 +18,9 @@ from typing import Any
 
 
 def modules_of(package: dict[str, Any]) -> None:
-    """Let the modules of a package load at their first use; its folders load as usual.
+    """Let the modules of a package load at their first use.
 
+    Its folders load as usual.
     Args:
         package: its globals, which get a `__getattr__` (PEP 562). It is set here, not in the package's file, so that
             type checkers still see the package's names.

@@ -16,8 +16,7 @@ _fingers: core.recent.Recent[tuple[int, int, int], tuple[tuple[str, None], ...]]
 
 
 def needs(test: Callable[[bpy.types.Context], Any], message: str = "") -> Callable[[T], T]:
-    """Return a decorator that makes an operator or panel available if a test holds.
-
+    """Return a decorator: an operator or panel is available if a test holds.
     Args:
         message: tooltip of an operator's button that cannot be pressed: the step that has to come first.
     """

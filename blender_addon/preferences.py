@@ -86,7 +86,7 @@ class DermisPreferences(bpy.types.AddonPreferences):
 
 
 def setting(name: str) -> Any:
-    """Return a preference, or its default if the package is not enabled as an add-on."""
+    """Return a preference, or its default if the add-on is not enabled."""
     addon = bpy.context.preferences.addons.get(PACKAGE)
     if addon is not None and addon.preferences is not None:
         return getattr(addon.preferences, name)

@@ -30,7 +30,10 @@ def source() -> str:
 
 
 def show(found: Iterable[Any], what: str = "") -> None:
-    """Replace the list by findings, the worst first, else in their order; equal ones once."""
+    """Replace the list by findings, the worst first, equal ones once.
+
+    Findings of one severity keep their order.
+    """
     global _findings, _source
     order = {severity: i for i, severity in enumerate(reversed(core.errors.SEVERITIES))}
     unique = {str(f): f for f in found}
@@ -43,7 +46,7 @@ def show(found: Iterable[Any], what: str = "") -> None:
 
 
 def about(finding: Any, scene: bpy.types.Scene) -> bpy.types.Object | None:
-    """Return the object of a scene that a finding is about, even if it was renamed."""
+    """Return the object that a finding is about, even if it was renamed."""
     uids = [_whom[name] for name in _names(finding) if name in _whom]
     return next((obj for uid in uids for obj in scene.objects if obj.session_uid == uid), None)
 

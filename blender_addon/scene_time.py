@@ -124,7 +124,10 @@ def evaluated(scene: bpy.types.Scene, frames: T) -> T:
 
 
 def shown_at(scene: bpy.types.Scene, evaluated_frames: T) -> T:
-    """Return the scene frames at which evaluated frames, such as those of keys, are shown."""
+    """Return the scene frames at which evaluated frames are shown.
+
+    Keys, for example, lie on evaluated frames.
+    """
     return evaluated_frames * float(scene.render.frame_map_new) / float(scene.render.frame_map_old)
 
 

@@ -63,12 +63,12 @@ _keys: list[tuple[Any, Any]] = []
 
 
 def there() -> bool:
-    """Return whether the modules that draw are loaded; if not, a thread loads them."""
+    """Return whether the modules that draw are loaded; else load them in a thread."""
     return loading.addon(MODULES)
 
 
 def table() -> tuple[tuple[str, str, Callable[[], None]], ...]:
-    """Return the draw callbacks: type of the editor's space, stage of a redraw, function."""
+    """Return the draw callbacks: editor's space, stage of a redraw, function."""
     return (
         (VIEW, "POST_VIEW", _draw_twins),
         (VIEW, "POST_VIEW", _draw_skins),
@@ -108,7 +108,7 @@ def _work() -> None:
 
 
 def register() -> None:
-    """Draw from now on, offer the strip's switch, and listen for clicks on cards and marks."""
+    """Add the draw callbacks, the strip's switch, and keys for clicks."""
     redraw.work = _work
     redraw.request()  # reads the modules that draw
     for name, when, draw in table():

@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Operators of calibration: calibrate, and choose the built device of a finger."""
+"""Operators of calibration, and of the choice of a finger's built device."""
 
 from typing import Any
 

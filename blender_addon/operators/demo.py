@@ -12,7 +12,7 @@ from .work import Work
 
 
 class _Demo(Work):
-    """Builds a scene, shows it in the window, turns the views to it, names the next step."""
+    """Builds a scene, shows it in the window, and names the next step."""
 
     bl_options = {"REGISTER", "UNDO"}
     next_step = ""

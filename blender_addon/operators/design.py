@@ -176,7 +176,7 @@ class DERMIS_OT_show_design(bpy.types.Operator):
 
 
 def _show(context: bpy.types.Context) -> bool:
-    """Show the picture in an Image editor; return False if there is no window for one."""
+    """Show the picture in an Image editor; return False without a window."""
     areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
     if not areas:
         if context.window is None or bpy.app.background:

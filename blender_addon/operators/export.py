@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Export of tracks, plots, sampled scenes and screen maps; loading of stored bakes."""
+"""Export of tracks, sampled scenes and screen maps; loading of stored bakes."""
 
 from pathlib import Path
 from typing import Any, cast

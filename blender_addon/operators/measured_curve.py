@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Measurements of an actuator, curve and frequency response: read, type, remove."""
+"""Curve and frequency response of an actuator: read, type, remove."""
 
 import math
 from datetime import date

@@ -1,4 +1,4 @@
-"""Compare with Stored Tracks: differences of a bake's commands from older files."""
+"""Compare with Stored Tracks: a bake's commands and those of older files."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # mypy: disable-error-code="valid-type"
-"""Pin arrays: the press test of a person's stiffness, the errors of the methods."""
+"""Pin arrays: press test of a person's stiffness, errors of the methods."""
 
 from typing import Any
 

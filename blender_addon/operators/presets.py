@@ -61,7 +61,7 @@ def made(group: str, settings: Any, name: str) -> dict[str, Any]:
 
 
 class _Preset(Work):
-    """Base of both operators: the group of presets, and the error without settings."""
+    """Base of both operators: group of presets, error without settings."""
 
     group: EnumProperty(
         name="Kind",
@@ -94,7 +94,7 @@ class DERMIS_OT_save_preset(_Preset, bpy.types.Operator):
     name: StringProperty(name="Name", description="Name of the preset in menus")
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        """Ask for the name; propose that of the current preset if it is a person's own."""
+        """Ask for the name; propose one from the name of the current preset."""
         if not choices.known():
             choices.refresh()
         found = chosen(context, self.group)

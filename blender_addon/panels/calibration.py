@@ -1,4 +1,4 @@
-"""Calibration: a finger's built device, its deviations from the preset, offers."""
+"""Calibration: built device, its deviations from the preset, offers."""
 
 from typing import Any
 

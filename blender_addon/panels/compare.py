@@ -51,7 +51,7 @@ def skipped(layout: Any, context: bpy.types.Context, devices: "list[dict[str, An
 
 
 def skipped_words(devices: "list[dict[str, Any]]") -> list[str]:
-    """Return a sentence for each reason: the devices left out by it, and the reason."""
+    """Return a sentence for each reason, with the devices left out by it."""
     by_reason: dict[str, list[str]] = {}
     for device in devices:
         by_reason.setdefault(device["why"], []).append(device["title"])
@@ -59,7 +59,7 @@ def skipped_words(devices: "list[dict[str, Any]]") -> list[str]:
 
 
 def _device(column: Any, row: dict[str, Any]) -> None:
-    """Draw one device: its measures, and the parts of the touch that it cannot render."""
+    """Draw a device's measures, and the shares that it cannot render."""
     column.scale_y = 0.85
     column.label(text=row["title"], icon=choices.icon(row["kind"]))
     for measure in row["measures"]:

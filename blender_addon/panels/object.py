@@ -111,7 +111,7 @@ class DERMIS_PT_screen(DermisPanel, bpy.types.Panel):
 
 
 def _names(devices: Any) -> list[str]:
-    """Return the names of a finger's devices, numbered so that no two are the same."""
+    """Return unique names of a finger's devices; equal ones are numbered."""
     return core.track.file_names.numbered([choices.title("devices", device.preset) for device in devices])
 
 

@@ -15,8 +15,7 @@ from ..viewport import shown
 
 
 def adaptation(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, family: str, method: str) -> None:
-    """Draw whether learned methods are adapted to this finger, and the button for it.
-
+    """Draw the state of the adaptation to this finger, and its button.
     Args:
         family: 'thimble' or 'platform'. method: the device's method.
     """

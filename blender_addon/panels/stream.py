@@ -150,7 +150,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
 
 
 def _sensed(sensed: dict[str, dict[str, float | None]]) -> list[str]:
-    """Return a line for each measured quantity, with the channel of the largest value."""
+    """Return a line for each measured quantity: its largest value and channel."""
     lines = []
     for what, by_channel in sensed.items():
         known = {name: abs(value) for name, value in by_channel.items() if value is not None}

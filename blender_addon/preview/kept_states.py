@@ -21,8 +21,9 @@ class KeptStates(Generic[S]):
         self._states: dict[float, S] = {}
 
     def keep(self, frame: float, state: Callable[[], S], most: int = STATES) -> None:
-        """Keep the state at a frame, unless one of less than `SPACING` frames before is kept.
+        """Keep the state at a frame, unless one shortly before is kept.
 
+        Shortly before is less than `SPACING` frames before.
         Args:
             frame: the frame. state: function that returns its state.
             most: largest number of states; beyond it, the oldest one is dropped.
@@ -35,9 +36,9 @@ class KeptStates(Generic[S]):
             del self._states[next(iter(self._states))]
 
     def nearest(self, frame: float, clock: Clock) -> tuple[float, S] | None:
-        """Return the frame and the state from which a step reaches `frame`; None without one.
+        """Return the kept frame and state from which a step reaches `frame`.
 
-        Of several, they are the nearest before `frame`.
+        Of several, they are the nearest before `frame`. None without one.
         """
         near = [other for other in self._states if goes_on(clock.duration(frame - other))]
         return (max(near), self._states[max(near)]) if near else None

@@ -1,4 +1,4 @@
-"""Settings of a finger's skin and of the display of skins, constant over a scene."""
+"""Settings of skins and of their display, constant over a scene."""
 
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.

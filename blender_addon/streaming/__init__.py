@@ -1,4 +1,4 @@
-"""The live link to the hardware: the session, its devices, calibrations and tracks."""
+"""The live link to hardware: session, devices, calibrations and tracks."""
 
 from .. import on_demand
 

@@ -78,7 +78,7 @@ def check(scene: bpy.types.Scene) -> None:
 
 
 def answered() -> tuple[str, ...]:
-    """Return the identifiers of the connected device, the best first, see `serials`."""
+    """Return identifiers of the connected device, see `serials`."""
     return _answered
 
 

@@ -24,7 +24,7 @@ COMMON_IDS = frozenset({b"DERMISU1".hex()})
 
 
 class Built(NamedTuple):
-    """A built device: its file's name, and its calibration with name and serial number."""
+    """A built device: name of its file, and calibration with name and serial."""
 
     file: str
     made: Any
@@ -168,7 +168,9 @@ def choose(finger: str, name: str, preset: str, file: str | None) -> None:
 
 
 def once_called(name: str) -> frozenset[str]:
-    """Return the identities of fingers that had a name when a device was last chosen.
+    """Return the identities of fingers that once had a name.
+
+    It is their name when a device was last chosen for them.
 
     Raises:
         DermisError: the table cannot be read.

@@ -45,7 +45,7 @@ def is_ours(settings: Any) -> bool:
 
 
 def adopt(scene: bpy.types.Scene) -> None:
-    """Make the list one of this session; a list that came with the file is offered."""
+    """Make the list one of this session; a list from the file is offered."""
     settings = scene.dermis_stream
     if is_ours(settings):
         return

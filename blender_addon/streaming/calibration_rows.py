@@ -75,9 +75,9 @@ def rows_for(key: str, made: Any) -> Rows:
 
 
 def safe_pose(key: str) -> dict[str, float]:
-    """Return the pose of a preset that presses nobody, by channel, as commanded [SI].
+    """Return the pose of a preset that presses nobody, by channel [SI].
 
-    A calibration moves this pose as it moves every other one.
+    The values are commands. A calibration moves this pose as it moves every other one.
 
     Raises:
         DermisError: no such preset, or its safe state is not valid.
@@ -163,5 +163,5 @@ def quietly(scene: bpy.types.Scene) -> Iterator[None]:
 
 
 def restoring() -> bool:
-    """Return whether `quietly` changes settings, so that half of them are not passed on."""
+    """Return whether `quietly` changes settings, which are not passed on yet."""
     return _restoring

@@ -1,4 +1,4 @@
-"""The scene's request to the sender: its fields, and the frame that Blender shows now."""
+"""A scene's request to the sender, and the frame that Blender shows."""
 
 from __future__ import annotations
 
@@ -16,7 +16,10 @@ from . import agreed_paths, stream_log, streamed_track
 
 
 def published(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tuple[float, ...]]:
-    """Return the track's time of the shown frame [s], and in mode 'follow' the values."""
+    """Return the track's time of the shown frame [s], and values to follow.
+
+    There are values only in the mode 'follow'.
+    """
     moment = streamed_track.origin(scene).seconds(scene_time.shown(scene))
     if scene.dermis_stream.mode != "follow":
         return moment, ()
@@ -28,7 +31,7 @@ def published(scene: bpy.types.Scene, names: Sequence[str]) -> tuple[float, tupl
 
 
 def caveat(scene: bpy.types.Scene) -> str:
-    """Return in words that the sent bake does not fit the scene any more; '' if it does."""
+    """Return in words that the sent bake may not fit the scene; '' if it does."""
     settings = scene.dermis_stream
     if settings.mode == "play":
         baked = not settings.track_file and streamed_track.chosen_output(scene) is not None

@@ -180,8 +180,7 @@ def close() -> None:
 
 
 def leaving() -> str:
-    """Return in words the work that closed senders have left, and why streams failed.
-
+    """Return the work that closed senders have left, and why streams failed.
     '' if there is neither. The text is that of the last heartbeat; no query is sent.
     """
     return _leaving

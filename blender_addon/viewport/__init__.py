@@ -1,4 +1,7 @@
-"""The drawings of the 3D view: `shown` keeps their contents; draw callbacks only read."""
+"""The drawings of the 3D view.
+
+`shown` keeps their contents, and draw callbacks only read these.
+"""
 
 from .. import on_demand
 

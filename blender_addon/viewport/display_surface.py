@@ -87,7 +87,10 @@ class DisplaySurface(NamedTuple):
         return self.deformed_alike(points, [(displacement, nodal)])[0]
 
     def deformed_alike(self, points: Array, several: Sequence[tuple[Array, Array]]) -> list[tuple[Array, Array, Array]]:
-        """Return `deformed` for several displacements and values, with one product by each matrix."""
+        """Return `deformed` for several displacements and values.
+
+        There is one product by each matrix for all of them.
+        """
         count, coarse = len(several), np.empty((len(points), len(several), 7))
         crosses = np.empty((len(self.coarse), count, 3))
         for i, (displacement, nodal) in enumerate(several):
@@ -116,9 +119,9 @@ def _crosses(points: Array, triangles: Indices32) -> tuple[Array, Array, Array]:
 
 
 def _refined(points: Array, triangles: Indices32) -> tuple[Any, Indices32]:
-    """Return a matrix (n + edges, n) that adds edge midpoints, and the new triangles.
+    """Return a matrix that adds edge midpoints, and the new triangles.
 
-    There are four new triangles for every old one.
+    The matrix has the shape (n + edges, n). There are four new triangles for every old one.
     """
     from scipy.sparse import coo_array, diags_array, identity, vstack
 

@@ -42,7 +42,10 @@ def finger_matrix(scene: bpy.types.Scene, name: str) -> Matrix | None:
 
 @contextmanager
 def in_finger(frame: Matrix) -> Iterator[None]:
-    """Draw in metres in a finger's frame, with transparency; leave the state as it was found."""
+    """Draw in metres in a finger's frame, with transparency.
+
+    Afterwards, tests of depth and blending are off.
+    """
     import gpu
 
     with gpu.matrix.push_pop():

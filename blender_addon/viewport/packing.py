@@ -132,7 +132,7 @@ def _stacked(lengths: Sequence[float], free: Box, gap: float) -> list[Box]:
 
 
 def _longest(strip: Box, taken: Sequence[Box], gap: float) -> Box:
-    """Return the longest part of a strip along X that keeps a gap from taken boxes.
+    """Return the longest part of a strip that keeps a gap from taken boxes.
 
     Of parts of equal length, it is the last one.
     """

@@ -11,7 +11,10 @@ from .parts import heat
 
 
 def card(row: Row, pins: Pins | None, left: float, bottom: float, width: float, height: float, scale: float) -> None:
-    """Draw the map of a pin array, seen through the nail, tip up, and its figures [px]."""
+    """Draw the map of a pin array, and its figures [px].
+
+    The map shows the array through the nail, with the tip up.
+    """
     forces, high = row.numbers, max(row.full_scale(name) for name in row.values)
     rows, columns = grid(row, pins)
     cell = min(width / columns, (height - 22 * scale) / rows)
@@ -31,7 +34,7 @@ def card(row: Row, pins: Pins | None, left: float, bottom: float, width: float, 
 
 
 def grid(row: Row, pins: Pins | None) -> tuple[int, int]:
-    """Return rows and columns of a row's device; one line if its preset cannot be read."""
+    """Return rows and columns of a device; one line if its preset is unknown."""
     if pins is not None and pins.rows * pins.columns == len(row.values):
         return pins.rows, pins.columns
     return 1, max(len(row.values), 1)

@@ -22,7 +22,7 @@ SOURCES = {"bake": paint.GREEN, "live": paint.BLUE, "stale": paint.ORANGE, "earl
 
 
 def sizes(map_size: float, lines: int) -> list[tuple[float, float]]:
-    """Return widths and heights of a card to try [px at scale 1], the wanted first.
+    """Return sizes of a card to try [px at scale 1], the wanted one first.
 
     Args:
         map_size: wanted height of the map. lines: lines of text in the card.
@@ -53,7 +53,10 @@ def card(now: Shown, i: int, view: Any, place: Box, scale: float) -> None:
 
 
 def _beneath(width: float, lines: int) -> float:
-    """Return the height of a card's text [px at scale 1]; a slim card has fewer lines."""
+    """Return the height of a card's text [px at scale 1].
+
+    A slim card has fewer lines.
+    """
     return (lines + 1.2 if width >= 0.99 * NARROW else 3.0) * LINE + MARGIN
 
 

@@ -25,7 +25,7 @@ FINGER = 6e-3  # [m] radius of the ring that stands for a finger on a screen
 
 
 def tactor(row: Row, exaggeration: float) -> Twin:
-    """Return a shear tactor's twin, with its movement multiplied by `exaggeration`.
+    """Return a shear tactor's twin, its movement times `exaggeration`.
 
     The device sits between the pad and the touched object, so its hidden part is drawn as a flat figure.
     """

@@ -85,9 +85,9 @@ def pointer(pose: Array) -> Array:
 
 
 def loops(device: Any, around: float) -> list[Array]:
-    """Return closed loops that bound the pointer's reach, one for each of several heights.
+    """Return closed loops that bound the pointer's reach at several heights.
 
-    They are in the finger's frame [m].
+    They are in the finger's frame [m], one for each height.
 
     Raises:
         DermisError: the level platform does not reach `around`.

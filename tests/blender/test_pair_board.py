@@ -152,7 +152,8 @@ def test_work_that_is_closed_lets_the_port_go(plugged: Plugged) -> None:
     time.sleep(0.1)
     assert not plugged.heard, "the port is opened by the first step"
     first = next(steps)
-    assert (first.stage, first.done, first.total) == ("waiting for the board", 0, 80)
+    # on a busy computer the board has answered the first question by now
+    assert (first.stage, first.total) in (("waiting for the board", 80), ("giving it a key", 50)) and first.done == 0
     with pytest.raises(RuntimeError, match="in use|busy|temporarily"):
         pair(plugged.usb.url)
     steps.close()

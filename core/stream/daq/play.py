@@ -67,7 +67,7 @@ def run(options: argparse.Namespace, package: Any, signals: Signals) -> int:
             )
         with signals.caught():
             if not options.yes:
-                load = " Take every load off the sensor, and touch nothing for half a second." if sensor else ""
+                load = " Take all load off the sensor; leave it alone for half a second after Enter." if sensor else ""
                 gain = float(wave.header["gain"])
                 print(
                     f"{track.spec.name} gets up to {peak * gain:.4g} V: {options.output} gives up to {peak:.4g} V, "

@@ -30,8 +30,8 @@ WAVE = table(
         name="gain",
         unit="1",
         label="Gain",
-        text="Voltage gain of the amplifier between sound card and device; it scales the samples, never the voltage at "
-        "the device",
+        text="Voltage gain of the amplifier between sound card and device; a larger gain makes the samples smaller, so "
+        "the voltage at the device stays the same; with a full scale of 0 the samples do not depend on it",
         default=1.0,
         above=0.0,
         low=1e-6,

@@ -44,7 +44,8 @@ class PathStep:
         work: 'solved', 'unchanged' (the last forces still obey the laws), 'same' (same pose and history) or 'idle'
             (nothing near).
         from_rest: whether there was no history, as in the first frame or after a jump.
-        nodal: forces on the nodes of the skin's mesh [N], shape (m, 3); without rows for a part of a frame.
+        nodal: forces on the nodes of the skin's mesh [N], shape (m, 3). They are not computed for a part of a
+            frame, see `SubStepper`; then there is one row of zeros for each contact node.
         amounts: correction of nonlinear skin at the pad nodes [m], see `Stimulus.given`, shape (3 m,); None for linear
             skin.
     """
@@ -86,7 +87,7 @@ class PathStep:
             return 0.0
         inside = np.flatnonzero(self.gaps.gap < 0.0)
         deep, normal, inward = -self.gaps.gap[inside], self.gaps.normal[inside], bone - points[inside]
-        inward[:, 1] = np.minimum(inward[:, 1] + BONE_END, 0.0)  # movement along the bone does not count
+        inward[:, 1] = np.minimum(inward[:, 1] + BONE_END, 0.0)  # to the nearest part of the bone: beside it no Y
         if not self.from_rest:
             above = along(self.solution.displacement[inside], normal)
             way = self.displacement[inside] - above[:, None] * normal

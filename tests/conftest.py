@@ -119,7 +119,11 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
     counts at once where a thread that only sleeps always woke in time, and hardly anybody waited for a processor: of
     two processes that work the one that sleeps more is served first, so the sleeper alone does not see what the
     sender, the device and their starts are kept from. It is tried again while no other of its kind runs.
+
+    Beside the other line the first failure never counts. Neither measure sees a pause of 50 ms there: the sleeper is
+    served before the sender, and the time that somebody waited is spread over the whole test.
     """
+    beside = bool(item.config.getoption("--beside", None))
     if item.get_closest_marker("real_time") is None:
         return None
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
@@ -129,7 +133,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
             sleeper.start()
             reports = runtestprotocol(item, log=False, nextitem=nextitem)
             crowded = _waited() - waited >= CROWDED * (time.perf_counter() - began)
-            starved = sleeper.end() >= STARVED or crowded
+            starved = sleeper.end() >= STARVED or crowded or (beside and attempt == 0)
         if attempt == TRIES - 1 or not starved or not any(report.failed for report in reports):
             break
         _forget_failed(item)

@@ -11,7 +11,9 @@ import tests.conftest as rule
 pytest_plugins = ["pytester"]
 
 
-def outcome(pytester: pytest.Pytester, late: float, body: str, crowded: float = 0.0) -> dict[str, int]:
+def outcome(
+    pytester: pytest.Pytester, late: float, body: str, crowded: float = 0.0, beside: str = ""
+) -> dict[str, int]:
     """Run a test file in this process, with a sleeper that says how late it was, and a machine that says how full."""
     pytester.makeconftest(
         f"""
@@ -23,6 +25,9 @@ def outcome(pytester: pytest.Pytester, late: float, body: str, crowded: float = 
             def end(self):
                 super().end()
                 return {late}
+
+        def pytest_addoption(parser):
+            parser.addoption("--beside", default={beside!r})
 
         def pytest_configure(config):
             config.addinivalue_line("markers", "real_time: as in the project")
@@ -80,6 +85,11 @@ def test_a_fixture_of_a_module_that_failed_is_made_again(pytester: pytest.Pytest
 
 def test_a_failure_on_a_machine_that_runs_counts_at_once(pytester: pytest.Pytester) -> None:
     assert outcome(pytester, 0.01, SECOND_TIME, crowded=0.05) == {"failed": 1}
+
+
+def test_the_first_failure_beside_the_other_line_never_counts_and_the_second_does(pytester: pytest.Pytester) -> None:
+    assert outcome(pytester, 0.01, SECOND_TIME, beside="3.13") == {"passed": 1}
+    assert outcome(pytester, 0.01, SECOND_TIME.replace("== 2", "== 3"), beside="3.13") == {"failed": 1}
 
 
 def test_a_machine_that_does_not_say_how_full_it_is_blames_nobody(

@@ -24,8 +24,8 @@ def _place(context: bpy.types.Context, obj: bpy.types.Object) -> None:
 
 @needs(lambda context: context.mode == "OBJECT", "Leave edit mode first")
 class DERMIS_OT_add_finger(bpy.types.Operator):
-    """Add a fingertip at the 3D cursor, or on the nearest surface of a solid that the cursor is inside: origin at the
-    pad, +Y to the tip, +Z to the nail"""
+    """Add a fingertip at the 3D cursor. If the cursor is inside a solid, the finger is put on its nearest surface. The
+    origin is at the pad, +Y points to the tip, +Z to the nail"""
 
     bl_idname = "dermis.add_finger"
     bl_label = "Add Finger"

@@ -45,8 +45,11 @@ def range_finding(scene: bpy.types.Scene) -> Finding | None:
     touched = touched_frames.of(scene)
     if not touched.why and _within(touched, whole) is not None:
         return None
-    why = touched.why or f"the keys, from frame {touched.first} to {touched.last}, are outside it"
-    what = f"the scene's whole range is baked, since keys alone do not say which frames are touched: {why}"
+    if touched.why:
+        what = f"keys alone do not give the touched frames: {touched.why}; so the scene's whole range is baked"
+    else:
+        span = f"frames {touched.first} to {touched.last}"
+        what = f"the keys, {span}, share less than two frames with the scene's range, so the whole range is baked"
     return Finding("info", "whole-range", what, where, value=f"{whole[0]} to {whole[1]}")
 
 
@@ -64,7 +67,7 @@ def _range(scene: bpy.types.Scene, touched_of: Callable[[bpy.types.Scene], touch
 
 
 def _within(touched: touched_frames.Touched, whole: Span) -> Span | None:
-    """Return the touched frames in the scene's range; None without a duration."""
+    """Return the touched frames in the scene's range; None if they are fewer than two."""
     first, last = max(touched.first, whole[0]), min(touched.last, whole[1])
     return (first, last) if first < last else None
 

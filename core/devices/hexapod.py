@@ -76,7 +76,7 @@ class Hexapod:
             poses = poses.moved(twist / np.maximum(size, 1.0)[:, None])
         worst = int(np.abs(miss).max(axis=1).argmax())
         raise DermisError(
-            "no pose closes the legs",
+            "no pose was found at which the legs have these lengths",
             where="six-leg platform",
             value=(1e3 * wanted[worst]).round(3).tolist(),
             limit="lengths [mm] of a pose near the one before",
@@ -124,7 +124,8 @@ def mechanism(spec: DeviceSpec) -> Hexapod:
             where=where,
             value=held,
             limit=f">= {SINGULAR}",
-            remedy="Turn the platform's joints against the base's",
+            remedy="Change 'platform_angles' or 'base_angles', so that the joints of the platform are not in line "
+            "with those of the base",
         )
     return device
 

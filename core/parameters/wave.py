@@ -20,8 +20,8 @@ WAVE = table(
         name="full_scale",
         unit="V",
         label="Full Scale",
-        text="Peak voltage that the sound card gives for the largest sample; with 0 it is taken such that the largest "
-        "sample is the limit of the device's channel behind the amplifier",
+        text="Peak voltage of the sound card for the largest sample that the format holds; with 0, that sample stands "
+        "for the limit of the device's channel, measured behind the amplifier",
         default=0.0,
         low=0.0,
         high=1e6,
@@ -43,7 +43,7 @@ WAVE = table(
         name="carrier",
         unit="Hz",
         label="Carrier",
-        text="Frequency of the voltage; with 0 that of the track",
+        text="Frequency of the voltage; with 0, the track's own carrier",
         default=0.0,
         low=0.0,
         high=24_000.0,
@@ -61,7 +61,7 @@ WAVE = table(
         name="clip",
         unit=SWITCH,
         label="Clip",
-        text="Cut samples beyond full scale off, and count them; otherwise such a track is refused",
+        text="Clip samples beyond full scale, and count them; otherwise such a track is refused",
         default=False,
     ),
 )

@@ -86,7 +86,8 @@ class CollectSession(SensorStream):
             keep: writes rows; called now and then, and at the end, also if an error or a signal ends it.
 
         Raises:
-            DermisError: a limit was passed, the sensor is too slow or fell silent, or the device does not get there.
+            DermisError: a limit was passed, the sensor is too slow or fell silent, or the device's command
+                does not reach its goal.
             Interrupted: a signal came.
         """
         self.paced()
@@ -156,7 +157,11 @@ class CollectSession(SensorStream):
         late = began + way + more + LATE
         self._run(lambda: there() or clock.now() > late)
         if not there():
-            raise DermisError("the device does not get there", where=self.request.url, value=f"after {LATE:g} s")
+            raise DermisError(
+                "the device's command has not reached its goal",
+                where=self.request.url,
+                value=f"{LATE:g} s after the planned time",
+            )
 
     def _heard(self, since: float) -> bool:
         """Return whether a reading was taken since a moment [s].
@@ -191,4 +196,4 @@ class CollectSession(SensorStream):
         if self.sensor.ended:
             raise self.no_more("the sensor's readings have ended")
         if not self.streamer.armed:
-            raise self.refusal("the device disarmed itself")
+            raise self.refusal("the device is not armed")

@@ -120,7 +120,7 @@ def read_table(path: Path) -> SampleTable:
     A table without `trajectory` is one movement; in a .csv all further columns are channels.
 
     Raises:
-        DermisError: the file cannot be read, arrays are missing or do not fit, or times run backwards.
+        DermisError: the file cannot be read, arrays are missing or do not fit, or times do not increase.
     """
     path, where = Path(path), str(path)
     if path.suffix.lower() == ".csv":
@@ -137,7 +137,7 @@ def read_table(path: Path) -> SampleTable:
     for name in ("x", "channels", "memory"):
         if name in arrays and arrays[name].ndim != 2:
             raise DermisError(
-                f"'{name}' is not one row a sample",
+                f"'{name}' needs two dimensions, with one row per sample",
                 where=where,
                 value=arrays[name].shape,
                 limit="(n, 3): pitch, roll [rad], distance [m]" if name == "x" else "(n, c)",
@@ -149,10 +149,16 @@ def read_table(path: Path) -> SampleTable:
     n = len(arrays["x"])
     owner = arrays.get("trajectory", np.zeros(n))
     if owner.shape != (n,) or not np.isfinite(owner).all():
-        raise DermisError("'trajectory' is not one number a sample", where=where, value=owner.shape, limit=f"({n},)")
+        what = "'trajectory' needs one finite number per sample"
+        raise DermisError(what, where=where, value=owner.shape, limit=f"({n},)")
     times = arrays.get("times", np.arange(n, dtype=np.float64))
     if times.shape != (n,) or not (np.diff(times) > 0.0).all():
-        raise DermisError("'times' do not rise, one a sample", where=where, value=times.shape, limit=f"({n},), rising")
+        raise DermisError(
+            "'times' needs one number per sample, each larger than the one before",
+            where=where,
+            value=times.shape,
+            limit=f"({n},), rising",
+        )
     return SampleTable(arrays["x"], arrays.get("memory", np.zeros((n, 0))), arrays["channels"], owner.astype(np.int64))
 
 

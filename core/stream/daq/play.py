@@ -60,7 +60,7 @@ def run(options: argparse.Namespace, package: Any, signals: Signals) -> int:
     try:
         if sensor is not None and device.channels != sensor.inputs:
             raise DermisError(
-                "another number of inputs than the sensor's matrix has columns",
+                "the number of inputs differs from the number of columns of the sensor's matrix",
                 where=options.inputs,
                 value=device.channels,
                 limit=str(sensor.inputs),
@@ -101,13 +101,14 @@ def volts_of(track: CommandTrack, settings: dict[str, object]) -> tuple[Array, W
     """Return a track's voltages at the output [V], shape (n,), and its `Wave`.
 
     Raises:
-        DermisError: the limit at the amplifier needs more than these devices give; see also `wave_of`.
+        DermisError: the full-scale voltage before the amplifier is more than an NI device gives; see also
+            `wave_of`.
     """
     wave = wave_of(track, settings)
     full = wave.limit / float(wave.header["gain"])
     if full > HIGHEST:
         raise DermisError(
-            "the device's limit needs more than an NI device gives",
+            "the full-scale voltage before the amplifier is more than an NI device gives",
             where=f"track of {track.spec.name}",
             value=f"{full:.4g} V",
             limit=f"{HIGHEST:g} V",

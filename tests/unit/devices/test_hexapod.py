@@ -47,7 +47,7 @@ def test_rest_is_what_the_preset_says(device, spec):
 
 
 def test_legs_that_cannot_close_are_refused(device):
-    with pytest.raises(DermisError, match="no pose closes the legs"):
+    with pytest.raises(DermisError, match="no pose was found at which the legs have these lengths"):
         device.carry(np.array([[0.005, 0.1, 0.005, 0.1, 0.005, 0.1]]), device.rest_poses(1))
 
 

@@ -176,12 +176,15 @@ def test_recordings_that_the_device_cannot_have_made_are_refused(change, words):
     [
         (
             {"x": np.array(3.0), "channels": np.zeros((9, 5))},
-            r"'x' is not one row a sample.*roll \[rad\], distance \[m\]",
+            r"'x' needs two dimensions, with one row per sample.*roll \[rad\], distance \[m\]",
         ),
         ({"x": np.full((9, 3), "a"), "channels": np.zeros((9, 5))}, "'x' is not made of numbers"),
-        ({"x": np.zeros((9, 3)), "channels": np.zeros(9)}, "'channels' is not one row a sample"),
+        ({"x": np.zeros((9, 3)), "channels": np.zeros(9)}, "'channels' needs two dimensions, with one row per sample"),
         ({"x": np.zeros((9, 3)), "channels": np.zeros((9, 5)), "trajectory": np.full(9, np.nan)}, "'trajectory'"),
-        ({"x": np.zeros((9, 3)), "channels": np.zeros((9, 5)), "times": -np.arange(9.0)}, "'times' do not rise"),
+        (
+            {"x": np.zeros((9, 3)), "channels": np.zeros((9, 5)), "times": -np.arange(9.0)},
+            "'times' needs one number per sample",
+        ),
     ],
 )
 def test_tables_of_another_form_are_refused(tmp_path, arrays, words):

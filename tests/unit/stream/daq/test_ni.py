@@ -145,7 +145,7 @@ def test_what_the_device_does_not_take_is_refused_before_anything_is_given(
 
 def test_another_number_of_inputs_than_the_matrix_has(tmp_path: Path) -> None:
     more = {**sensing(tmp_path), "inputs": "Dev1/ai0:3"}
-    with pytest.raises(DermisError, match="another number of inputs"):
+    with pytest.raises(DermisError, match="number of inputs differs"):
         play.run(options(tmp_path, **more), Device().package, Signals())
 
 

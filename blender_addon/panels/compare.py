@@ -33,7 +33,7 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
         if found.edits != changes.edits():
             paragraph(layout, context, "The scene changed since: compare again.", "ERROR")
         finger = compared.called(context.scene, found.table, found.place)
-        layout.label(text=f"{finger}: how far off, target → rendered", icon="VIEW_PAN")
+        layout.label(text=f"{finger}: error, target → rendered", icon="VIEW_PAN")
         for finding in found.table["findings"]:
             paragraph(layout, context, f"{finding[:1].upper()}{finding[1:]}.", "ERROR")
         for row in found.table["rows"]:

@@ -125,7 +125,9 @@ def compare_devices(
             rows.append(row)
     if not rows:
         why = "; ".join(f"{s.title}: {s.why}" for s in skipped)
-        raise DermisError("no device fits this touch", where=f"finger '{name}'", value=why, remedy="Let it touch")
+        raise DermisError(
+            "no device fits this touch", where=f"finger '{name}'", value=why, remedy="Let the finger touch an object"
+        )
     rows.sort(key=lambda row: (row.judged.measures[0].name != "stress", row.judged.measures[0].off))
     touch = bake.skins[name].findings if name in bake.skins else ()
     told = (*touch, *(f for f in bake.findings if f.where == f"finger '{name}'" and f not in touch))
@@ -174,7 +176,7 @@ def row_of(output: Output, judged: Judged) -> Row:
 
 def _unused(device: DeviceSpec) -> str:
     """Return the reason why a touch does not use a device."""
-    return "the touch does not press the skin" if device.follows_skin else "the touch does not use it"
+    return "the pad does not press into any object" if device.follows_skin else "this touch gives it nothing to render"
 
 
 def _refusal(bake: Bake, key: str) -> str:

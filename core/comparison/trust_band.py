@@ -39,7 +39,7 @@ FORCES = (Channel("normal_force", "N"), Channel("tangential_force", "N"))
 # scene only forces can.
 VARIANTS: Mapping[str, tuple[Callable[[TactileScene], TactileScene], str, bool]] = {
     "shifted": (shifted, "shifted by 0.1 um", True),
-    "denser": (denser, "sampled twice as often", True),
+    "denser": (denser, "sampled at twice the rate", True),
     "mirrored": (mirrored, "mirrored", False),
 }
 
@@ -104,15 +104,16 @@ class Band:
         c = self.worst_channel
         if not self.share[c] > DOUBT:
             return None
-        oftener = "sample the scene more often, " if self.worst[c] == "denser" else ""
+        device = self.device if self.track is None else self.track.spec.name
+        faster = "bake at a higher sample rate, " if self.worst[c] == "denser" else ""
         return Finding(
             "warning",
             "not-reproduced",
-            f"{self.channels[c].name} changes where the scene is {VARIANTS[self.worst[c]][1]}",
-            f"finger '{self.finger}', {self.device}",
+            f"{self.channels[c].name} changes if the scene is {VARIANTS[self.worst[c]][1]}",
+            f"finger '{self.finger}', {device}",
             f"{self.share[c]:.0%} of its peak, at {self.worst_time:.3f} s",
             f"<= {DOUBT:.0%}",
-            f"Do not trust this part of the track: {oftener}round what is sharp, or give it more friction",
+            f"Do not trust this part of the track: {faster}round sharp edges, or raise the friction",
         )
 
     def csv(self) -> str:

@@ -147,7 +147,7 @@ class FrictionScreen:
                 Finding(
                     "info",
                     "below-measured-span",
-                    "the friction law is extrapolated below the voltages it was measured at",
+                    "the voltage is below the range in which the friction law was measured, so the law is extrapolated",
                     where=where,
                     value=f"{volts[weak].min():.3g} V",
                     limit=span,
@@ -159,7 +159,7 @@ class FrictionScreen:
                 Finding(
                     "warning",
                     "above-measured-span",
-                    "the friction law is extrapolated above the voltages that it was measured at",
+                    "the voltage is above the range in which the friction law was measured, so the law is extrapolated",
                     where=where,
                     value=f"{volts[strong].max():.4g} V",
                     limit=span,

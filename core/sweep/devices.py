@@ -169,7 +169,9 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
         raise DermisError("nothing was rendered", where=where, value=said or None)
     judged = judge(output, bake.skins.get(name), use.parameters)
     if judged is None:
-        raise DermisError("the touch does not use it", where=where, remedy="Let it touch")
+        raise DermisError(
+            "this touch gives the device nothing to render", where=where, remedy="Let the finger touch an object"
+        )
     row, found = row_of(output, judged), bake.all_findings
     told: tuple[Value, ...] = (row.method, bake.content_hash, len(output.track.times), row.clipped, judged.out_of_reach)
     made = dict(zip(COLUMNS, (*told, worst(found) or "", " ".join(sorted({f.code for f in found}))), strict=True))

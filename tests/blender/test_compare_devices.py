@@ -42,10 +42,13 @@ def test_a_child_compares_and_two_files_are_written(touching: bpy.types.Scene, t
 
 
 def test_a_reason_that_keeps_out_several_devices_is_told_once() -> None:
-    unpressed = "the touch does not press the skin"
-    left_out = [("Pins", unpressed), ("Coil", "the touch does not use it"), ("Thimble", unpressed)]
+    unpressed = "the pad does not press into any object"
+    left_out = [("Pins", unpressed), ("Coil", "this touch gives it nothing to render"), ("Thimble", unpressed)]
     words = compare.skipped_words([{"title": title, "why": why} for title, why in left_out])
-    assert words == ["Pins, Thimble: the touch does not press the skin.", "Coil: the touch does not use it."]
+    assert words == [
+        "Pins, Thimble: the pad does not press into any object.",
+        "Coil: this touch gives it nothing to render.",
+    ]
 
 
 @pytest.mark.one_line("3.11", "the engine searches in a child; the rest of this file runs on both lines")

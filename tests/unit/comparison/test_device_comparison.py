@@ -100,8 +100,8 @@ def test_a_touch_in_the_air_is_refused_with_every_reason(cache: Cache) -> None:
     lifted = scene_from_poses(RATE, [finger], [(scene.bodies[0], (0.0, 0.0, 0.0))])
     with pytest.raises(DermisError, match="no device fits this touch") as refused:
         drain(device_comparison.compare_devices(lifted, Library(), cache=cache))
-    assert "the touch does not use it" in str(refused.value)
-    assert "the touch does not press the skin" in str(refused.value)
+    assert "this touch gives it nothing to render" in str(refused.value)
+    assert "the pad does not press into any object" in str(refused.value)
 
 
 def test_table_and_page(found: device_comparison.Comparison, tmp_path: Path) -> None:

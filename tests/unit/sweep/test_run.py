@@ -172,7 +172,7 @@ def test_a_refused_row_says_why_stops_nobody_and_is_not_tried_again(spec: Path, 
     for row in found:
         assert ("friction" in row["refused"]) == (row["body.friction"] == "-3.0")
         assert bool(row["refused"]) != bool(row["samples"])
-    assert "the touch does not use it" in found[0]["refused"] and not found[2]["refused"]
+    assert "this touch gives the device nothing to render" in found[0]["refused"] and not found[2]["refused"]
     assert swept(one, tmp_path / "out").done == 0
     assert main(["sweep", str(one), "--out", str(tmp_path / "out"), "--quiet"]) == 1
 

@@ -44,43 +44,49 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
     suffix = ".csv"
 
     filter_glob: listed("*.csv;*.txt;*.tsv")
-    first: IntProperty(name="First Frame", description="Where the recording begins", default=1)
+    first: IntProperty(name="First Frame", description="Frame at which the recording begins", default=1)
     rate: FloatProperty(
-        name="Rows a Second", description="Of a file without times, or that counts frames", default=100.0, min=0.1
+        name="Rows a Second",
+        description="Rows per second of a file that has no times or counts frames",
+        default=100.0,
+        min=0.1,
     )
     unit: EnumProperty(
         name="Unit",
-        description="Of places, where the file does not say",
+        description="Unit of the positions, if the file does not name it",
         items=(
-            ("M", "Metres", "Places are in metres"),
-            ("CM", "Centimetres", "Places are in centimetres"),
-            ("MM", "Millimetres", "Places are in millimetres"),
+            ("M", "Metres", "Positions are in metres"),
+            ("CM", "Centimetres", "Positions are in centimetres"),
+            ("MM", "Millimetres", "Positions are in millimetres"),
         ),
         update=_compose,
     )
-    y_up: BoolProperty(name="Y Is Up", description="As WebXR and many trackers write; else Z is up, as in Blender")
+    y_up: BoolProperty(
+        name="Y Is Up",
+        description="The file has Y up, as WebXR and many trackers write it; otherwise Z is up, as in Blender",
+    )
     columns: StringProperty(
         name="Columns",
-        description="Names of the columns with commas between, where the file has none or others: 'time_ms, x_mm, "
-        "y_mm, z_mm, qw, qx, qy, qz'; '-' is a column that is not used. Empty: the file's own",
+        description="Names of the columns, separated by commas, if the file has none or others: 'time_ms, x_mm, y_mm, "
+        "z_mm, qw, qx, qy, qz'; '-' is a column that is not used. If empty, the file's own names are used",
     )
     time: EnumProperty(
         name="Time",
-        description="First column",
+        description="Meaning of the first column",
         items=(
-            ("NONE", "None", "Rows have no time; they follow each other at Rows a Second"),
+            ("NONE", "None", "Rows have no time; they follow at the rate of Rows a Second"),
             ("S", "Seconds", "Times are in seconds"),
             ("MS", "Milliseconds", "Times are in milliseconds"),
             ("US", "Microseconds", "Times are in microseconds"),
             ("NS", "Nanoseconds", "Times are in nanoseconds"),
-            ("FRAME", "Frames", "Frames are counted, at Rows a Second"),
+            ("FRAME", "Frames", "The first column counts frames, at Rows a Second"),
         ),
         options={"SKIP_SAVE"},
         update=_compose,
     )
     turn: EnumProperty(
         name="Rotation",
-        description="Columns behind x, y and z",
+        description="Meaning of the columns after x, y and z",
         items=(
             ("NONE", "None", "The object keeps its rotation"),
             ("WXYZ", "Quaternion W, X, Y, Z", "The real part is the first of four columns"),
@@ -133,7 +139,7 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
         if self.ask:
             self._draw_question()
         else:
-            text = "One row a pose. The line of names has columns and units: time [ms], x_mm, qw, rx_deg ..."
+            text = "One row per pose. The first line names columns and units: time [ms], x_mm, qw, rx_deg ..."
             words(self.layout, text, 230.0, "INFO")
         properties(self.layout, self, "first", "rate", "unit", "y_up", "columns", keys=False)
 

@@ -11,6 +11,8 @@ from ..polls import needs
 from . import summary
 from .main import DermisPanel
 
+LETTERS = 12  # a longer name of a measure is cut off beside its figures, so it has a line of its own
+
 
 @needs(lambda context: summary.of(context.scene).fingers)
 class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
@@ -63,8 +65,11 @@ def _device(column: Any, row: dict[str, Any]) -> None:
     column.scale_y = 0.85
     column.label(text=row["title"], icon=choices.icon(row["kind"]))
     for measure in row["measures"]:
+        name = measure["name"]
+        if len(name) > LETTERS:
+            column.label(text=name)
         split = column.split(factor=0.38)
-        split.label(text=measure["name"])
+        split.label(text="" if len(name) > LETTERS else name)
         rest = split.split(factor=0.28)
         rest.label(text=f"{100 * measure['off']:.0f} %")
         rest.label(text=measure["figures"])

@@ -44,17 +44,25 @@ class DERMIS_PT_told(DermisPanel, bpy.types.Panel):
         pairs = table["pairs"][:PAIRS]
         box = layout.box().column(align=True)
         box.scale_y = 0.85
-        finger = compared.called(context.scene, table, found.place)
-        _line(box, f"{finger}: right answers", [f"{i} or {j}" for i, j in pairs])
+        box.label(text=f"{compared.called(context.scene, table, found.place)}: share of right answers")
+        _line(box, "touches", [f"{i} or {j}" for i, j in pairs])
+        title = ""
         for row in table["rows"]:
-            name = f"{row['title']}, {row['method']}" if row["method"] not in ("", "lookup") else row["title"]
-            _line(box, name, [f"{100 * right:.0f} %" for right in row["right"][:PAIRS]])
+            if row["method"] and row["title"] != title:  # beside the shares, most names would be cut off
+                title = row["title"]
+                box.label(text=title)
+            _line(box, _name(row), [f"{100 * right:.0f} %" for right in row["right"][:PAIRS]])
         if len(table["pairs"]) > PAIRS:
             paragraph(layout, context, f"{len(table['pairs']) - PAIRS} more pairs are in the saved table.", "INFO")
         words = "Simulated: an ideal observer who knows the real touches. Guessing gives 50 %."
         paragraph(layout, context, words, "INFO")
         layout.operator("dermis.save_told", icon="EXPORT", text="Save")
         compare.skipped(layout, context, table["skipped"])
+
+
+def _name(row: "dict[str, Any]") -> str:
+    """Return the name of a row: the method under its device's title, or the title of a row without a method."""
+    return {"": row["title"], "lookup": "    look-up table"}.get(row["method"], f"    {row['method']}")
 
 
 def _line(column: Any, name: str, cells: list[str]) -> None:

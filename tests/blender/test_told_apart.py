@@ -47,7 +47,9 @@ def test_a_child_tells_two_touches_apart_and_a_table_is_written(tmp_path: Path) 
     layout = Anything()
     draw_panels(layout)
     assert "1 or 2" in layout.words and f"{100 * real['right'][0]:.0f} %" in layout.words
-    assert any("Thimble 3-RRS, geometry" in words for words in layout.words)
+    thimble = layout.words.index("Thimble 3-RRS")
+    assert layout.words[thimble + 1].strip() in ("stress", "force", "geometry")
+    assert layout.words.count("Thimble 3-RRS") == 1 and "    geometry" in layout.words
     assert bpy.ops.dermis.save_told(directory=str(tmp_path)) == {"FINISHED"}
     assert (tmp_path / "Finger.told-apart.csv").read_bytes() == made.csv
 

@@ -58,7 +58,7 @@ class DermisPreferences(bpy.types.AddonPreferences):
 
     cache_megabytes: IntProperty(
         name="Stored Results [MB]",
-        description="Bakes beyond this are deleted, oldest first; they can be baked again",
+        description="Largest total size of stored bakes. The oldest are deleted first; they can be baked again",
         default=512,
         min=16,
         max=1_000_000,
@@ -66,8 +66,9 @@ class DermisPreferences(bpy.types.AddonPreferences):
 
     bake_cores: IntProperty(
         name="Cores for Baking",
-        description="Fingers that hold nothing together are baked side by side, each by a process of its own, with the "
-        "same result. 0 takes all cores, up to eight; 1 bakes in Blender alone. Each takes some 300 MB",
+        description="Number of processes for a bake. Fingers that do not hold an object together are baked in "
+        "parallel, with the same result. 0 takes all cores, up to eight; 1 bakes in Blender itself. Each process takes "
+        "about 300 MB",
         default=0,
         min=0,
         max=64,

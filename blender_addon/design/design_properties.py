@@ -38,34 +38,34 @@ class DermisDesign(bpy.types.PropertyGroup):
 
     device: StringProperty(
         name="Device",
-        description="Platform whose motors shall become fewer, by its preset's file name",
+        description="Preset of the platform whose number of motors is to be reduced",
         default="cable_platform",
         search=_platforms,
         options=set(),
         update=unfelt,
     )
-    touches: CollectionProperty(description="Touches that motors are judged by", type=DermisDesignTouch)
+    touches: CollectionProperty(description="Touches that the motors have to render", type=DermisDesignTouch)
     active_touch: IntProperty(
         name="Active Touch", description="Place in the list of touches", default=0, min=0, options=set(), update=unfelt
     )
     finger: StringProperty(
         name="Finger",
-        description="Which finger of the scenes; empty: the first whose skin was baked",
+        description="Name of the finger in each scene. If empty, the first finger with a baked skin",
         options=set(),
         update=unfelt,
     )
     table: StringProperty(
         name="Table",
-        description="A collected (.npz) or recorded (.csv) look-up table of this device; empty: one is "
-        "swept for the finger's skin",
+        description="Look-up table of this device: collected (.npz) or recorded (.csv). If empty, a table is simulated "
+        "for the finger's skin",
         subtype="FILE_PATH",
         options=BLEND_RELATIVE,
         update=unfelt,
     )
     table_rows: IntProperty(
         name="Configurations",
-        description="How many configurations of the device are swept for its table; the paper "
-        "has 166,375 for three motors and 4,033 for six",
+        description="Number of simulated configurations in the look-up table. The paper uses 166,375 for three motors "
+        "and 4,033 for six",
         default=9261,
         min=8,
         max=2_000_000,
@@ -76,8 +76,8 @@ class DermisDesign(bpy.types.PropertyGroup):
     )
     noise: FloatProperty(
         name="Noise [counts]",
-        description="Standard deviation of the virtual sensor's noise in every channel, in "
-        "counts of 12 bits; recordings have their own",
+        description="Standard deviation of the virtual sensor's noise in every channel, in counts of its 12-bit "
+        "converter. Recordings have noise of their own",
         default=2.0,
         min=0.0,
         max=400.0,
@@ -87,10 +87,15 @@ class DermisDesign(bpy.types.PropertyGroup):
     )
     rule: EnumProperty(
         name="Rule",
-        description="How many motors are enough",
+        description="Rule that gives the recommended number of motors",
         items=(
-            ("touch", "Of the Touch", "The fewest whose additional error is less than a tenth of the touch"),
-            ("paper", "Paper's", "The fewest whose error is less than a tenth above that of all motors"),
+            (
+                "touch",
+                "Of the Touch",
+                "The smallest number whose error exceeds that of all motors by less than a tenth of the touch's "
+                "strength",
+            ),
+            ("paper", "Paper's", "The smallest number whose error is less than 1.1 times the error of all motors"),
         ),
         default="touch",
         options=set(),
@@ -98,7 +103,7 @@ class DermisDesign(bpy.types.PropertyGroup):
     )
     motors: IntProperty(
         name="Motors",
-        description="How many motors the new preset has; 0: as many as the rule recommends",
+        description="Number of motors of the new preset. 0 takes the recommended number",
         default=0,
         min=0,
         max=6,
@@ -113,7 +118,7 @@ register, unregister = registration(
         bpy.types.Scene,
         "dermis_design",
         PointerProperty(
-            type=DermisDesign, name="How Many Motors?", description="Touches and device to judge motors by"
+            type=DermisDesign, name="How Many Motors?", description="Touches and device for the choice of motors"
         ),
     ),
     forget=(design_results,),

@@ -31,7 +31,7 @@ class DERMIS_OT_add_finger(bpy.types.Operator):
     bl_label = "Add Finger"
     bl_options = {"REGISTER", "UNDO"}
 
-    device: StringProperty(name="Device", description="Preset of a device to put on it", default="")
+    device: StringProperty(name="Device", description="Preset of a device for the new finger", default="")
     frame_view: BoolProperty(name="Zoom In", description="Bring the finger into view", default=True)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -53,7 +53,7 @@ class DERMIS_OT_add_finger(bpy.types.Operator):
 
 @needs(lambda context: context.mode == "OBJECT", "Leave edit mode first")
 class DERMIS_OT_add_screen(bpy.types.Operator):
-    """Add a touch screen at the 3D cursor: a rectangle that looks up, with a relief to feel"""
+    """Add a touch screen with a relief at the 3D cursor. It is a rectangle that faces up"""
 
     bl_idname = "dermis.add_screen"
     bl_label = "Add Touch Screen"
@@ -68,7 +68,7 @@ class DERMIS_OT_add_screen(bpy.types.Operator):
     relief: EnumProperty(
         name="Relief",
         description="Content of the new screen",
-        items=(("BUMPS", "Bumps", "An image of round bumps to start from"), ("NONE", "None", "Choose an image later")),
+        items=(("BUMPS", "Bumps", "An image of round bumps"), ("NONE", "None", "No relief yet; choose an image later")),
     )
     frame_view: BoolProperty(name="Zoom In", description="Bring the screen into view", default=True)
 

@@ -33,10 +33,12 @@ def has_hand(context: bpy.types.Context) -> bool:
 class DermisTip(bpy.types.PropertyGroup):
     """A finger of a hand, and the bone that carries its tip; its name is the finger's."""
 
-    side: StringProperty(name="Side", description="L or R, empty where nothing tells which")
-    bone: StringProperty(name="Bone", description="The last bone of this finger")
-    use: BoolProperty(name="Attach", description="Put a finger on this bone", default=True)
-    flip: BoolProperty(name="Flip", description="Turn it half round: the nail comes where the pad is")
+    side: StringProperty(name="Side", description="L or R; empty if the side is unknown")
+    bone: StringProperty(name="Bone", description="Last bone of this finger")
+    use: BoolProperty(name="Attach", description="Add a fingertip to this bone", default=True)
+    flip: BoolProperty(
+        name="Flip", description="Turn the fingertip by 180 degrees about the bone, so that pad and nail change sides"
+    )
 
 
 class DermisTipSize(bpy.types.PropertyGroup):
@@ -44,15 +46,13 @@ class DermisTipSize(bpy.types.PropertyGroup):
 
     width_mm: FloatProperty(
         name="Width [mm]",
-        description="How wide the finger is: found on the hand until it is set here; 0 finds it again",
+        description="Width of the finger, measured on the hand unless you set it here. 0 measures it again",
         min=0.0,
         soft_max=40.0,
         precision=1,
         step=10,
     )
-    found_mm: FloatProperty(
-        name="Found Width [mm]", description="The width that was found on the hand", options={"HIDDEN"}
-    )
+    found_mm: FloatProperty(name="Found Width [mm]", description="Width measured on the hand", options={"HIDDEN"})
 
     @property
     def said(self) -> float:
@@ -64,7 +64,8 @@ class DermisTipSize(bpy.types.PropertyGroup):
     has_hand, "Select an armature, one of its bones in pose mode, a mesh that it moves, or a part that hangs on another"
 )
 class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
-    """Add a finger to each fingertip of the selected armature's hand, in the size of the hand, parented to its bone"""
+    """Add a fingertip to each finger of the selected armature's hand. Each has the size of the hand's finger and is
+    parented to its bone"""
 
     bl_idname = "dermis.attach_fingers"
     bl_label = "Attach Fingers to Hand"
@@ -72,9 +73,9 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
 
     hand: EnumProperty(
         name="Hand",
-        description="Which hand of the armature",
+        description="Hands that get fingertips",
         items=(
-            ("AUTO", "Auto", "The hand of the active bone, else the right one"),
+            ("AUTO", "Auto", "The hand of the active bone; without one, the right hand"),
             (LEFT, "Left", "The left hand"),
             (RIGHT, "Right", "The right hand"),
             ("BOTH", "Both", "Both hands"),
@@ -83,30 +84,31 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
     )
     reading: IntProperty(
         name="Reading",
-        description="Which reading of the bones: 1 explains most, the next ones are other bones or other fingers",
+        description="Interpretation of the bones. 1 fits best; the others take other bones, or name the fingers "
+        "differently",
         default=1,
         min=1,
         options={"SKIP_SAVE"},
     )
     device: StringProperty(
         name="Device",
-        description="Preset of a device to put on each finger; empty for none",
+        description="Preset of a device for each finger. If empty, no device is added",
         search=lambda _self, _context, text: choices.search("devices", text),
     )
-    skin: BoolProperty(name="Show Skin", description="Solve and show the state of each finger's skin")
+    skin: BoolProperty(name="Show Skin", description="Simulate and show the skin of each finger")
     tips: CollectionProperty(
         name="Fingertips", description="Fingers and their bones", type=DermisTip, options={"SKIP_SAVE"}
     )
     sizes: CollectionProperty(
-        name="Sizes", description="How wide each finger is", type=DermisTipSize, options={"SKIP_SAVE"}
+        name="Sizes", description="Width of each finger", type=DermisTipSize, options={"SKIP_SAVE"}
     )
     fits: StringProperty(
-        name="Fits",
-        description="A line for each fingertip: how far its pad is off the skin",
-        options={"HIDDEN", "SKIP_SAVE"},
+        name="Fits", description="Distance between pad and skin of each fingertip", options={"HIDDEN", "SKIP_SAVE"}
     )
     found_for: StringProperty(
-        name="Found For", description="Armature and hand that the fingertips are of", options={"HIDDEN", "SKIP_SAVE"}
+        name="Found For",
+        description="Armature and hand to which the fingertips belong",
+        options={"HIDDEN", "SKIP_SAVE"},
     )
 
     def work(self, context: bpy.types.Context) -> None:

@@ -15,7 +15,7 @@ from .work import File, listed
 
 
 class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
-    """Begin or cancel the calibration of this built device, or put its actuators to the safe pose"""
+    """Begin or cancel the calibration of this built device, or move its actuators to the safe pose"""
 
     bl_idname = "dermis.stream_calibrate"
     bl_label = "Calibrate"
@@ -25,7 +25,7 @@ class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
         description="Step of the calibration",
         items=(
             ("BEGIN", "Begin", "Begin to calibrate: the device follows the sliders"),
-            ("CANCEL", "Cancel", "End the calibration, and use the values of before"),
+            ("CANCEL", "Cancel", "End the calibration and restore the previous values"),
             ("SAFE", "All to the Safe Pose", "Set the sliders of all actuators to the device's safe pose"),
         ),
     )
@@ -44,7 +44,7 @@ class DERMIS_OT_stream_calibrate(Streaming, bpy.types.Operator):
 
 
 class DERMIS_OT_calibration_use(Streaming, bpy.types.Operator):
-    """Say which built device the finger wears: it uses the calibration that one, here and now and from now on"""
+    """Choose the built device that the finger wears. From now on, the finger uses the calibration of that device"""
 
     bl_idname = "dermis.calibration_use"
     bl_label = "Choose the Built Device"
@@ -62,7 +62,7 @@ class DERMIS_OT_calibration_use(Streaming, bpy.types.Operator):
 class Named(Streaming):
     fields = {"name": "left thimble, red tape"}  # with an example each
     name: StringProperty(
-        name="Name", description="As the device is marked: 'left thimble, red tape'", options={"SKIP_SAVE"}
+        name="Name", description="Name as marked on the device, such as 'left thimble, red tape'", options={"SKIP_SAVE"}
     )
 
     def draw(self: Any, _context: bpy.types.Context) -> None:
@@ -79,7 +79,7 @@ class Named(Streaming):
 
 
 class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
-    """Save zero, gain and limits as those of one built device. Another name makes another device"""
+    """Save zero, gain and limits for one built device. A new name makes a new device"""
 
     bl_idname = "dermis.calibration_keep"
     bl_label = "Save Built Device"
@@ -87,7 +87,7 @@ class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
 
     serial: StringProperty(
         name="Serial Number",
-        description="Serial number that the device reports, or that of its USB port; empty where it has none",
+        description="Serial number that the device or its USB port reports. Empty if there is none",
         options={"SKIP_SAVE"},
     )
 
@@ -109,7 +109,8 @@ class DERMIS_OT_calibration_keep(Named, bpy.types.Operator):
 
 
 class DERMIS_OT_calibration_keep_found(Named, bpy.types.Operator):
-    """Save a calibration that came with this .blend as that of one built device. No finger wears it by this"""
+    """Save a calibration that came with this .blend file for one built device. This does not put the device on a
+    finger"""
 
     bl_idname = "dermis.calibration_keep_found"
     bl_label = "Save as a Device"
@@ -129,7 +130,7 @@ class DERMIS_OT_calibration_keep_found(Named, bpy.types.Operator):
 
 
 class DERMIS_OT_calibration_drop_found(Streaming, bpy.types.Operator):
-    """Forget a calibration that came with this .blend"""
+    """Remove a calibration that came with this .blend file"""
 
     bl_idname = "dermis.calibration_drop_found"
     bl_label = "Forget"
@@ -146,7 +147,7 @@ class DERMIS_OT_calibration_drop_found(Streaming, bpy.types.Operator):
 
 
 class DERMIS_OT_calibration_folder(Streaming, bpy.types.Operator):
-    """Open the folder of the built devices that this computer knows: delete a file to forget its device"""
+    """Open the folder of the built devices known to this computer. To remove a device, delete its file"""
 
     bl_idname = "dermis.calibration_folder"
     bl_label = "Folder of Devices"
@@ -178,7 +179,7 @@ class DERMIS_OT_calibration_save(_CalibrationFile, bpy.types.Operator):
 
 
 class DERMIS_OT_calibration_load(_CalibrationFile, bpy.types.Operator):
-    """Read zero, gain and limits from a file; save them as those of the device afterwards"""
+    """Read zero, gain and limits from a file. Save them for the device afterwards"""
 
     bl_idname = "dermis.calibration_load"
     bl_label = "Import Calibration"

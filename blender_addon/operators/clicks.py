@@ -32,7 +32,7 @@ class DERMIS_OT_strip_jump(bpy.types.Operator):
 
 @needs(lambda context: cards.shown_in(context))
 class DERMIS_OT_fold_card(bpy.types.Operator):
-    """Fold the device's card that was clicked to a line, or unfold it; other clicks are passed on"""
+    """Fold the clicked card of a device to one line, or unfold it; other clicks are passed on"""
 
     bl_idname = "dermis.fold_card"
     bl_label = "Fold Card"

@@ -18,7 +18,7 @@ from .work import Folder, Work, counted
 
 @needs(active_finger, "Select a finger")
 class DERMIS_OT_compare_devices(jobs.Job, bpy.types.Operator):
-    """Send this finger's touch through every device that fits, and say how far each is off; Esc cancels"""
+    """Compute the error of every suitable device for this finger's touch. Esc cancels"""
 
     bl_idname = "dermis.compare_devices"
     bl_label = "Compare Devices"
@@ -27,7 +27,8 @@ class DERMIS_OT_compare_devices(jobs.Job, bpy.types.Operator):
 
     floors: BoolProperty(
         name="Floors",
-        description="Also find how good any pose of a thimble or a platform on six legs could be; a minute or so",
+        description="Also compute the smallest error of any pose, for thimbles and six-leg platforms. Takes about a "
+        "minute",
         options={"SKIP_SAVE"},
     )
 
@@ -49,7 +50,7 @@ class DERMIS_OT_compare_devices(jobs.Job, bpy.types.Operator):
 
 @needs(lambda context: compared.current(context.scene) is not None, "Compare devices first")
 class DERMIS_OT_save_comparison(Folder, bpy.types.Operator):
-    """Write the comparison into a folder: a table as CSV, and one page of HTML with its pictures inside"""
+    """Write the comparison into a folder: a table as CSV and a page of HTML that contains its pictures"""
 
     bl_idname = "dermis.save_comparison"
     bl_label = "Save Comparison"
@@ -62,7 +63,7 @@ class DERMIS_OT_save_comparison(Folder, bpy.types.Operator):
 
 @needs(lambda context: compared.current(context.scene) is not None, "Compare devices first")
 class DERMIS_OT_open_comparison(Work, bpy.types.Operator):
-    """Open the comparison's page, with a picture of target and rendered for each device, in the browser"""
+    """Open the comparison in the browser, with pictures of the target and the rendered touch for each device"""
 
     bl_idname = "dermis.open_comparison"
     bl_label = "Open Page"

@@ -14,7 +14,7 @@ from .work import Work, counted
 
 @needs(lambda context: store.current(context.scene) is not None, "Bake first")
 class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
-    """Write the devices' commands as locked F-curves of the fingers, to be looked at in the Graph Editor"""
+    """Write the devices' commands as locked F-curves of the fingers, and show them in the Graph Editor"""
 
     bl_idname = "dermis.commands_as_curves"
     bl_label = "Commands as Curves"
@@ -23,18 +23,18 @@ class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
 
     keys: EnumProperty(
         name="Keys",
-        description="Frames that get keys",
+        description="Spacing of the keys",
         items=(
+            ("FRAMES", "At Frames", "One value at every whole frame. Faster changes are not shown"),
             (
-                "FRAMES",
-                "At Frames",
-                "A value at every whole frame, as keys only where time is stretched. Faster changes are not seen",
+                "RATE",
+                "At a Rate",
+                "Also keys between frames. The timeline shows them together with those of the animation",
             ),
-            ("RATE", "At a Rate", "Keys between frames too, which the timeline shows with those of the animation"),
         ),
     )
     rate: FloatProperty(
-        name="Rate", description="Keys a second", default=240.0, min=1.0, max=10_000.0, unit="FREQUENCY"
+        name="Rate", description="Number of keys per second", default=240.0, min=1.0, max=10_000.0, unit="FREQUENCY"
     )
 
     def work(self, context: bpy.types.Context) -> str | None:
@@ -55,7 +55,7 @@ class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
 
 @needs(lambda context: command_curves.present(context.scene), "No finger has curves of commands")
 class DERMIS_OT_remove_curves(Work, bpy.types.Operator):
-    """Take the curves of commands away, with their properties and actions"""
+    """Remove the curves of commands, with their properties and actions"""
 
     bl_idname = "dermis.remove_curves"
     bl_label = "Remove Curves"

@@ -69,7 +69,7 @@ class DERMIS_OT_demo_skin_scene(_Demo, bpy.types.Operator):
             (
                 "TISSUES",
                 "Two Tissues",
-                "Linear tissue and tissue that stiffens are pressed into one block, side by side",
+                "A finger of linear and one of neo-Hookean tissue press into one block, side by side",
             ),
         ),
     )
@@ -80,13 +80,15 @@ class DERMIS_OT_demo_skin_scene(_Demo, bpy.types.Operator):
 
 
 class DERMIS_OT_demo_pins_scene(_Demo, bpy.types.Operator):
-    """Open the paper's experiment in a new scene: a plane is pressed into the finger and drawn along"""
+    """Open the paper's experiment in a new scene: a plane is pressed into the finger and then slides"""
 
     bl_idname = "dermis.demo_pins_scene"
     bl_label = "Demo Pin Array Scene"
     next_step = "Bake in the Dermis tab, then play: pins, target and rendered skin"
 
-    depth: FloatProperty(name="Depth [mm]", description="How deep the plane is pressed", default=2.0, min=0.01, max=4.0)
+    depth: FloatProperty(
+        name="Depth [mm]", description="Depth to which the plane is pressed", default=2.0, min=0.01, max=4.0
+    )
     friction: FloatProperty(
         name="Friction",
         description="Coefficient of friction between skin and surface",
@@ -97,7 +99,7 @@ class DERMIS_OT_demo_pins_scene(_Demo, bpy.types.Operator):
     )
     direction: FloatProperty(
         name="Direction",
-        description="Of the movement: from the finger's right (0) to its tip (90)",
+        description="Direction of the slide: 0 is to the finger's right, 90 to its tip",
         default=0.0,
         subtype="ANGLE",
     )
@@ -140,7 +142,7 @@ class DERMIS_OT_demo_motors_scene(_Demo, bpy.types.Operator):
         name="Touch", description="Movement of the finger over a flat surface", items=touches.items(touches.MOTORS)
     )
     device: StringProperty(name="Device", description="Device preset", default=touches.PLATFORM)
-    seed: IntProperty(name="Seed", description="Of the hand's wobble", default=0, min=0, soft_max=100)
+    seed: IntProperty(name="Seed", description="Seed of the hand's tremor", default=0, min=0, soft_max=100)
 
     def build(self) -> bpy.types.Scene:
         """Return the scene."""

@@ -44,7 +44,7 @@ class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
 
 
 class DERMIS_OT_add_design_touch(File, bpy.types.Operator):
-    """Add a touch that the motors shall render: this scene, or a recording"""
+    """Add a touch that the motors have to render: this scene or a recording"""
 
     bl_idname = "dermis.add_design_touch"
     bl_label = "Add Touch"
@@ -52,10 +52,10 @@ class DERMIS_OT_add_design_touch(File, bpy.types.Operator):
 
     kind: EnumProperty(
         name="Kind",
-        description="Where the touch comes from",
+        description="Source of the touch",
         items=(
-            ("SCENE", "This Scene", "This scene's bake"),
-            ("BAKED", "All Baked Scenes", "Every scene of this file that is baked"),
+            ("SCENE", "This Scene", "The bake of this scene"),
+            ("BAKED", "All Baked Scenes", "Every baked scene of this file"),
             ("FILE", "Recording", "A CSV of a 20-channel sensor"),
         ),
     )
@@ -82,7 +82,7 @@ class DERMIS_OT_add_design_touch(File, bpy.types.Operator):
 
 @needs(lambda context: context.scene.dermis_design.touches)
 class DERMIS_OT_remove_design_touch(bpy.types.Operator):
-    """Take the selected touch off the list"""
+    """Remove the selected touch from the list"""
 
     bl_idname = "dermis.remove_design_touch"
     bl_label = "Remove Touch"
@@ -145,7 +145,7 @@ def _designed(scene: bpy.types.Scene) -> jobs.Steps:
 
 @needs(lambda context: design_results.current(context.scene) is not None)
 class DERMIS_OT_design_preset(Work, bpy.types.Operator):
-    """Write the device preset anew, by another rule or for another number of motors"""
+    """Write the device preset again, for another rule or number of motors"""
 
     bl_idname = "dermis.design_preset"
     bl_label = "Write Preset"
@@ -163,7 +163,7 @@ class DERMIS_OT_design_preset(Work, bpy.types.Operator):
 
 @needs(lambda _context: design_results.IMAGE in bpy.data.images)
 class DERMIS_OT_show_design(bpy.types.Operator):
-    """Show error against number of motors in an Image editor; where none is open, in a window of its own"""
+    """Show the error against the number of motors in an Image Editor, or in a new window if none is open"""
 
     bl_idname = "dermis.show_design"
     bl_label = "Show Picture"

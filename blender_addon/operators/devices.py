@@ -35,7 +35,7 @@ class DERMIS_OT_choose_device(Chooser, bpy.types.Operator):
 
 
 class DERMIS_OT_add_device(Work, bpy.types.Operator):
-    """Put this device on the finger, and where it is selected on the other selected fingers too"""
+    """Put this device on the finger. If the finger is selected, the other selected fingers get it too"""
 
     bl_idname = "dermis.add_device"
     bl_label = "Add Device"
@@ -76,7 +76,7 @@ class DERMIS_OT_add_device(Work, bpy.types.Operator):
     "The active object is no finger of this file with a device",
 )
 class DERMIS_OT_remove_device(bpy.types.Operator):
-    """Take the selected device off the finger"""
+    """Remove the selected device from the finger"""
 
     bl_idname = "dermis.remove_device"
     bl_label = "Remove Device"

@@ -31,7 +31,7 @@ class DERMIS_OT_export_tracks(Checked, Folder, bpy.types.Operator):
     subject = job_title = "Export"
 
     directory: StringProperty(
-        name="Folder", description="Where the files go; empty: the scene's output folder", subtype="DIR_PATH"
+        name="Folder", description="Folder for the files. If empty, the scene's output folder", subtype="DIR_PATH"
     )
     form: EnumProperty(name="Format", description="Format of the files", items=scene_properties.FORMATS, default="csv")
     plots: BoolProperty(name="With Plots", description="Write a PNG plot beside each track", default=False)
@@ -144,7 +144,7 @@ class DERMIS_OT_export_screen_maps(Folder, bpy.types.Operator):
     bl_options = {"REGISTER"}
 
     directory: StringProperty(
-        name="Folder", description="Where the files go; empty: the scene's output folder", subtype="DIR_PATH"
+        name="Folder", description="Folder for the files. If empty, the scene's output folder", subtype="DIR_PATH"
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

@@ -59,15 +59,17 @@ class DERMIS_OT_film_skin(jobs.Job, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
     job_title = "Skin as mesh"
 
-    selected: BoolProperty(name="Selected Only", description="Only the selected fingers, not every one of the bake")
+    selected: BoolProperty(
+        name="Selected Only", description="Only the selected fingers instead of all fingers of the bake"
+    )
     show: EnumProperty(
         name="Colours Show", description="Quantity that colours the skin", items=QUANTITIES, default="stress"
     )
-    with_legend: BoolProperty(name="Legend", description="Put the colours' legend before the camera", default=True)
+    with_legend: BoolProperty(
+        name="Legend", description="Place a legend of the colours in front of the camera", default=True
+    )
     hide_finger: BoolProperty(
-        name="Hide Finger in Renders",
-        description="Leave the finger's own shape, which does not give way, out of renders",
-        default=True,
+        name="Hide Finger in Renders", description="Hide the finger's undeformed shape in renders", default=True
     )
 
     def steps(self, context: bpy.types.Context) -> Any:
@@ -86,7 +88,7 @@ class DERMIS_OT_film_skin(jobs.Job, bpy.types.Operator):
 
 @needs(lambda context: film_objects.of_kind(context.scene, "skin"), "Make Skin as Mesh first")
 class DERMIS_OT_film_colours(Work, bpy.types.Operator):
-    """Show something else in the colours of the skins, with the view's range and colour map"""
+    """Colour the skins by another quantity, with the range and colour map of the view"""
 
     bl_idname = "dermis.film_colours"
     bl_label = "Colours Show"
@@ -95,7 +97,9 @@ class DERMIS_OT_film_colours(Work, bpy.types.Operator):
     show: EnumProperty(
         name="Colours Show", description="Quantity that colours the skin", items=QUANTITIES, default="stress"
     )
-    with_legend: BoolProperty(name="Legend", description="Put the colours' legend before the camera", default=True)
+    with_legend: BoolProperty(
+        name="Legend", description="Place a legend of the colours in front of the camera", default=True
+    )
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Set the material."""
@@ -108,14 +112,16 @@ class DERMIS_OT_film_colours(Work, bpy.types.Operator):
 
 @needs(lambda context: _with_device(context), "Give a finger a device, and bake")
 class DERMIS_OT_film_twins(jobs.Job, bpy.types.Operator):
-    """Make the twins of the last bake's devices objects on their fingers, with a key at every frame; Esc cancels"""
+    """Make objects of the devices of the last bake on their fingers, with a key at every frame. Esc cancels"""
 
     bl_idname = "dermis.film_twins"
     bl_label = "Twin as Objects"
     bl_options = {"REGISTER", "UNDO"}
     job_title = "Twins"
 
-    selected: BoolProperty(name="Selected Only", description="Only the selected fingers, not every one of the bake")
+    selected: BoolProperty(
+        name="Selected Only", description="Only the selected fingers instead of all fingers of the bake"
+    )
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
@@ -138,7 +144,7 @@ class DERMIS_OT_film_twins(jobs.Job, bpy.types.Operator):
 
 
 class DERMIS_OT_film_remove(Work, bpy.types.Operator):
-    """Remove these objects again; fingers are seen in renders as before"""
+    """Remove these objects. Fingers are shown in renders again"""
 
     bl_idname = "dermis.film_remove"
     bl_label = "Remove"
@@ -147,7 +153,7 @@ class DERMIS_OT_film_remove(Work, bpy.types.Operator):
     kind: EnumProperty(
         name="What",
         description="Objects that are removed",
-        items=(("skin", "Skins", "Skins, and their legend"), ("twin", "Twins", "Device twins")),
+        items=(("skin", "Skins", "Skins and their legend"), ("twin", "Twins", "Device twins")),
         default="skin",
     )
 

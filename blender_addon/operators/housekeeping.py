@@ -11,7 +11,7 @@ from .work import select_only
 
 
 class DERMIS_OT_go_to_finding(bpy.types.Operator):
-    """Go to the frame and select the object that this is about"""
+    """Go to the frame of this finding and select its object"""
 
     bl_idname = "dermis.go_to_finding"
     bl_label = "Show"
@@ -35,7 +35,7 @@ class DERMIS_OT_go_to_finding(bpy.types.Operator):
 
 
 class DERMIS_OT_open_presets(bpy.types.Operator):
-    """Open the folder for presets of your own: put devices/NAME.json or materials/NAME.json there"""
+    """Open the folder of your own presets. Put devices/NAME.json or materials/NAME.json there"""
 
     bl_idname = "dermis.open_presets"
     bl_label = "Open Presets Folder"
@@ -50,7 +50,7 @@ class DERMIS_OT_open_presets(bpy.types.Operator):
 
 
 class DERMIS_OT_clear_results(bpy.types.Operator):
-    """Delete the stored bakes of every file; tracks that you exported stay"""
+    """Delete the stored bakes of every file. Exported tracks stay"""
 
     bl_idname = "dermis.clear_results"
     bl_label = "Delete Stored Bakes"

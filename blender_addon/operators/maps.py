@@ -19,7 +19,7 @@ SETTINGS = ("map_unit", "height_mm", "invert", "no_data")
 
 @needs(lambda context: context.object is not None and context.object.dermis.role == "SCREEN", "Select a touch screen")
 class DERMIS_OT_open_map(File, bpy.types.Operator):
-    """Choose a height or depth map from disk, and say what its numbers are"""
+    """Choose a height or depth map from disk, and set the meaning of its numbers"""
 
     bl_idname = "dermis.open_map"
     bl_label = "Open Map"
@@ -30,7 +30,7 @@ class DERMIS_OT_open_map(File, bpy.types.Operator):
         name=_screen.MAP_UNIT.label, description=_screen.MAP_UNIT.text, items=_screen.MAP_UNIT.choices
     )
     height_mm: FloatProperty(name="Height", description=_screen.HEIGHT.text, default=2.0, min=0.0, unit="CAMERA")
-    invert: BoolProperty(name="Depth Map", description="Depth, not height: larger is farther away")
+    invert: BoolProperty(name="Depth Map", description="The numbers are depths: larger is farther away")
     no_data: StringProperty(name="No Data", description=_screen.NO_DATA.text)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

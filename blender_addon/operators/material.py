@@ -16,13 +16,13 @@ def _meshes(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 @needs(_meshes, "Select a mesh object")
 class DERMIS_OT_make_touchable(Work, bpy.types.Operator):
-    """Let fingers feel the selected mesh objects, with a haptic material from a preset or by hand"""
+    """Make the selected mesh objects touchable, with a haptic material from a preset or your own values"""
 
     bl_idname = "dermis.make_touchable"
     bl_label = "Make Touchable"
     bl_options = {"REGISTER", "UNDO"}
 
-    preset: StringProperty(name="Material", description="Preset to take the values from; empty keeps the values")
+    preset: StringProperty(name="Material", description="Preset of the values. If empty, the values stay")
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Set role and material of every selected mesh."""

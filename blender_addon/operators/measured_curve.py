@@ -21,10 +21,12 @@ class _Measured(Streaming):
 
     bl_options = {"INTERNAL", "UNDO"}
 
-    channel: StringProperty(name="Actuator", description="Whose it is", options={"HIDDEN", "SKIP_SAVE"})
+    channel: StringProperty(
+        name="Actuator", description="Actuator to which the measurement belongs", options={"HIDDEN", "SKIP_SAVE"}
+    )
     valid_days: IntProperty(
         name="Valid for Days",
-        description="After so many days, Connect says that it has to be measured again; 0: never",
+        description="Number of days after which Connect reports that the measurement has to be repeated. 0 is never",
         default=30,
         min=0,
     )
@@ -46,7 +48,7 @@ class _Curve(_Measured):
 
     latency: FloatProperty(
         name="Latency",
-        description="From a command until the actuator answers. Tracks are played earlier by it",
+        description="Time from a command to the response of the actuator. Tracks are played earlier by this time",
         min=0.0,
         precision=3,
         unit="TIME_ABSOLUTE",
@@ -80,12 +82,14 @@ class DERMIS_OT_measured_curve_type(_Curve, bpy.types.Operator):
 
     readings: StringProperty(
         name="Readings",
-        description="Pairs of driven and reached, parted by semicolons: '0 0.4; 30 29.1; 60 58.4'. Up alone, or up and "
-        "down again with five or more readings each way: then play is known, too",
+        description="Pairs of driven and reached position, separated by semicolons: '0 0.4; 30 29.1; 60 58.4'. Upwards "
+        "only, or up and down again with at least five readings in each direction, which also gives the play",
         options={"SKIP_SAVE"},
     )
     handy: BoolProperty(
-        name="In mm or Degrees", description="Lengths are in mm and angles in degrees; otherwise in SI", default=True
+        name="In mm or Degrees",
+        description="Lengths are in mm and angles in degrees; otherwise in SI units",
+        default=True,
     )
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
@@ -121,7 +125,7 @@ class DERMIS_OT_measured_curve_type(_Curve, bpy.types.Operator):
 
 
 class DERMIS_OT_frequency_response_load(_Measured, File, bpy.types.Operator):
-    """Read how the actuator answers vibration, from a CSV with columns 'frequency [Hz]', 'gain' and 'phase [deg]'"""
+    """Read the actuator's frequency response from a CSV with the columns 'frequency [Hz]', 'gain' and 'phase [deg]'"""
 
     bl_idname = "dermis.frequency_response_load"
     bl_label = "Read Frequency Response"
@@ -134,15 +138,15 @@ class DERMIS_OT_frequency_response_load(_Measured, File, bpy.types.Operator):
 
 
 class DERMIS_OT_frequency_response_type(_Measured, bpy.types.Operator):
-    """Type how the actuator answers vibration: frequency, how many times as far it moves as slowly, and its phase"""
+    """Type the actuator's frequency response: frequency, gain relative to slow movement, and phase"""
 
     bl_idname = "dermis.frequency_response_type"
     bl_label = "Type Frequency Response"
 
     readings: StringProperty(
         name="Readings",
-        description="Frequency [Hz], gain and phase [degrees] of each, parted by semicolons: '20 1 -5; 80 1.2 -30'. "
-        "The gain is relative to slow movement; the phase is negative where the actuator lags, and holds its latency",
+        description="Frequency [Hz], gain and phase [degrees], separated by semicolons: '20 1 -5; 80 1.2 -30'. The "
+        "gain is relative to slow movement. The phase is negative if the actuator lags, and includes its latency",
         options={"SKIP_SAVE"},
     )
 
@@ -166,19 +170,21 @@ class DERMIS_OT_frequency_response_type(_Measured, bpy.types.Operator):
 
 
 class DERMIS_OT_measured_curve_drop(Streaming, bpy.types.Operator):
-    """Remove a measurement: curve or frequency response of the actuator count no more"""
+    """Remove a measurement of the actuator: its curve or its frequency response"""
 
     bl_idname = "dermis.measured_curve_drop"
     bl_label = "Remove Measurement"
     bl_options = {"INTERNAL", "UNDO"}
 
-    channel: StringProperty(name="Actuator", description="Whose it is", options={"HIDDEN", "SKIP_SAVE"})
+    channel: StringProperty(
+        name="Actuator", description="Actuator to which the measurement belongs", options={"HIDDEN", "SKIP_SAVE"}
+    )
     part: EnumProperty(
         name="Measurement",
         description="Measurement to remove",
         items=(
             ("response", "Curve", "Reached position for each driven position"),
-            ("frequency", "Frequency Response", "How it answers vibration"),
+            ("frequency", "Frequency Response", "Gain and phase against frequency"),
         ),
         options={"HIDDEN", "SKIP_SAVE"},
     )

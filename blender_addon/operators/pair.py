@@ -30,17 +30,18 @@ class DERMIS_OT_stream_pair(jobs.Job, bpy.types.Operator):
 
     port: StringProperty(  # type: ignore[valid-type]
         name="USB Port",
-        description="Serial port of the board, as /dev/ttyUSB0 or COM3",
+        description="Serial port of the board, such as /dev/ttyUSB0 or COM3",
         search=lambda _self, _context, _text: [name for name, _ in session.found_ports()],
         search_options={"SUGGESTION"},
         options={"SKIP_SAVE"},
     )
     network: StringProperty(  # type: ignore[valid-type]
-        name="Wi-Fi", description="Name of the network that the board is to join, of 2.4 GHz", options={"SKIP_SAVE"}
+        name="Wi-Fi", description="Name of the 2.4 GHz network that the board joins", options={"SKIP_SAVE"}
     )
     password: StringProperty(  # type: ignore[valid-type]
         name="Password",
-        description="Of that network; empty for one without. The board keeps it in its flash, Blender does not",
+        description="Password of the network; empty if it has none. The board stores it in its flash memory, Blender "
+        "does not",
         subtype="PASSWORD",
         options={"SKIP_SAVE"},
     )

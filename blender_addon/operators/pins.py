@@ -21,7 +21,7 @@ def _load(depth: float) -> Any:
     return FloatProperty(
         name=f"Load at {depth:g} mm [N]",
         default=0.0,
-        description="Reading of the scale with the finger pressed this deep; 0: not read",
+        description="Reading of the scale with the finger pressed to this depth. 0 if not read",
         min=-1e3,
         max=1e3,
         soft_min=0.0,
@@ -32,7 +32,7 @@ def _load(depth: float) -> Any:
 
 @needs(active_finger, "Select a finger")
 class DERMIS_OT_press_test(Work, bpy.types.Operator):
-    """Enter the loads of a press test: they give this person's stiffness, the finger's personal factor"""
+    """Enter the loads of a press test. They give the finger's personal factor, that is, this person's stiffness"""
 
     bl_idname = "dermis.press_test"
     bl_label = "Press Test"
@@ -78,7 +78,7 @@ class DERMIS_OT_press_test(Work, bpy.types.Operator):
 
 @needs(lambda context: active_device(context, "pins"), "Select a finger with a pin array")
 class DERMIS_OT_compare_pins(Work, bpy.types.Operator):
-    """Say how far each matching method would miss for what this finger felt in the last bake"""
+    """Compute the error of each matching method for this finger's touch in the last bake"""
 
     bl_idname = "dermis.compare_pins"
     bl_label = "Compare Methods"

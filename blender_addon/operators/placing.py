@@ -26,7 +26,7 @@ class DERMIS_OT_mend(Work, bpy.types.Operator):
     bl_label = "Mend"
     bl_options = {"REGISTER", "UNDO", "INTERNAL"}
 
-    code: StringProperty(name="Code", description="Code of the finding to mend", options={"HIDDEN", "SKIP_SAVE"})
+    code: StringProperty(name="Code", description="Code of the finding to correct", options={"HIDDEN", "SKIP_SAVE"})
     name: StringProperty(name="Object", description="Object that the finding concerns", options={"HIDDEN", "SKIP_SAVE"})
 
     def work(self, context: bpy.types.Context) -> str | None:
@@ -39,7 +39,8 @@ class DERMIS_OT_mend(Work, bpy.types.Operator):
 
 @needs(own_finger, "Select a finger of this file last, and before it the object that it shall lie on")
 class DERMIS_OT_place_on_surface(Work, bpy.types.Operator):
-    """Put the active finger's pad where the other selected object is nearest, else the nearest touchable one"""
+    """Move the active finger's pad to the nearest point of the other selected object. Without one, the nearest
+    touchable object is used"""
 
     bl_idname = "dermis.place_on_surface"
     bl_label = "Place on Surface"
@@ -47,7 +48,7 @@ class DERMIS_OT_place_on_surface(Work, bpy.types.Operator):
 
     gap: FloatProperty(
         name="Gap",
-        description="Between pad and surface; below zero it presses",
+        description="Distance between pad and surface. A negative value presses the pad into it",
         default=0.0,
         soft_min=-3.0,
         soft_max=20.0,
@@ -75,43 +76,43 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
 
     until: EnumProperty(
         name="Press",
-        description="How hard it presses",
+        description="Control of the press",
         items=(
-            ("DEPTH", "By Depth", "The bone goes this far below where the pad first touches"),
-            ("FORCE", "By Force", "The skin becomes compliant: the bone gives way to larger forces"),
+            ("DEPTH", "By Depth", "The bone moves to this depth below first contact"),
+            ("FORCE", "By Force", "The bone becomes compliant, and yields to larger forces"),
         ),
     )
     depth: FloatProperty(
         name="Depth",
-        description="Distance that the bone goes below where the pad first touches",
+        description="Depth of the bone below first contact",
         default=1.0,
         min=0.0,
         soft_max=3.0,
         unit="CAMERA",
     )
-    force: FloatProperty(
-        name="Force [N]", description="Force that the finger presses with", default=1.0, min=0.01, soft_max=10.0
-    )
+    force: FloatProperty(name="Force [N]", description="Force of the press", default=1.0, min=0.01, soft_max=10.0)
     hold: FloatProperty(
         name="Hold",
-        description="Time that the finger rests before it slides",
+        description="Time before the slide, in which the finger rests",
         default=2.0,
         min=0.0,
         soft_max=10.0,
         unit="TIME_ABSOLUTE",
     )
-    slide: FloatProperty(name="Slide", description="Way along the surface", default=20.0, min=0.0, unit="CAMERA")
-    speed: FloatProperty(name="Speed [mm/s]", description="Of the slide", default=10.0, min=0.1, soft_max=200.0)
+    slide: FloatProperty(name="Slide", description="Length of the slide", default=20.0, min=0.0, unit="CAMERA")
+    speed: FloatProperty(name="Speed [mm/s]", description="Speed of the slide", default=10.0, min=0.1, soft_max=200.0)
     direction: FloatProperty(
         name="Direction",
-        description="Of the slide, about the nail; 0 is to the tip",
+        description="Direction of the slide, about the nail. 0 is to the tip",
         default=radians(90.0),
         unit="ROTATION",
     )
     height: FloatProperty(
-        name="Height", description="From which it comes down and to which it lifts", default=5.0, min=0.1, unit="CAMERA"
+        name="Height", description="Height at which the touch begins and ends", default=5.0, min=0.1, unit="CAMERA"
     )
-    approach: FloatProperty(name="Approach [mm/s]", description="Speed of coming and lifting", default=20.0, min=0.1)
+    approach: FloatProperty(
+        name="Approach [mm/s]", description="Speed of the approach and of the lift", default=20.0, min=0.1
+    )
 
     def draw(self, _context: bpy.types.Context) -> None:
         """Draw depth or force, whichever sets the press, and the other settings."""

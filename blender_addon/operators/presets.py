@@ -85,7 +85,7 @@ class _Preset(Work):
 
 
 class DERMIS_OT_save_preset(_Preset, bpy.types.Operator):
-    """Keep these settings as a preset of your own, under a name; every file and scene can use it"""
+    """Save these settings as a preset of your own. Every file and scene can use it"""
 
     bl_idname = "dermis.save_preset"
     bl_label = "Save as Preset"
@@ -118,7 +118,7 @@ class DERMIS_OT_save_preset(_Preset, bpy.types.Operator):
 
 
 class DERMIS_OT_remove_preset(_Preset, bpy.types.Operator):
-    """Delete this preset of your own; those that come with Dermis stay"""
+    """Delete this preset of your own. Presets of Dermis cannot be deleted"""
 
     bl_idname = "dermis.remove_preset"
     bl_label = "Remove Preset"

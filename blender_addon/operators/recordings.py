@@ -95,7 +95,7 @@ class DERMIS_OT_import_poses(File, bpy.types.Operator):
             ("EULER_RAD", "Euler Angles, Radians", "About the fixed X, then Y, then Z: roll, pitch, yaw"),
             ("VECTOR_RAD", "Rotation Vector, Radians", "Axis times angle"),
             ("VECTOR_DEG", "Rotation Vector, Degrees", "Axis times angle"),
-            ("ASK", "Choose", "The numbers do not tell whether a quaternion's W is its first or its last"),
+            ("ASK", "Choose", "The numbers do not show whether W is the first or the last column of the quaternion"),
         ),
         options={"SKIP_SAVE"},
         update=_compose,

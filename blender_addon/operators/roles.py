@@ -21,7 +21,7 @@ class DERMIS_OT_set_role(bpy.types.Operator):
 
     role: EnumProperty(
         name="Role",
-        description="Part of the object in touch",
+        description="Role of the object",
         items=(
             ("NONE", "Nothing", "Dermis ignores it"),
             ("FINGER", "Finger", "It feels"),

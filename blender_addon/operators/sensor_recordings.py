@@ -51,21 +51,22 @@ class DERMIS_OT_import_sensor(File, bpy.types.Operator):
     filter_glob: listed("*.csv;*.txt;*.tsv")
     table: StringProperty(
         name="Table",
-        description="The device's effect on this sensor: motor commands, or a thimble's pitch, roll and distance, and "
-        "the sensor's channels, a row a configuration. Empty: the device's own table",
+        description="Look-up table with one row per configuration: motor commands, or a thimble's pitch, roll and "
+        "distance, and the readings of this sensor. If empty, the device's own table",
         subtype="FILE_PATH",
     )
     motors: IntProperty(
         name="Motors",
-        description="Move along so many principal components of the motors' commands; 0: each motor by itself",
+        description="Number of principal components of the motors' commands that are used. With 0, each motor moves by "
+        "itself",
         default=0,
         min=0,
         max=6,
     )
     rest: FloatProperty(
         name="Rest",
-        description="Nothing is touched for so long from the first sample: noise is measured there, and the sensor's "
-        "rest is moved to the table's. 0: as the table says",
+        description="Time from the first sample during which nothing is touched. It gives the noise, and the readings "
+        "at rest are shifted to those of the table. With 0, noise and rest are those of the table",
         default=0.0,
         min=0.0,
         soft_max=10.0,

@@ -29,7 +29,7 @@ class DERMIS_OT_choose_skin(Chooser, bpy.types.Operator):
 
 @needs(_fingers, "Select a finger")
 class DERMIS_OT_apply_skin(Work, bpy.types.Operator):
-    """Give the selected fingers this size and stiffness; a fingertip of ours changes its shape with it"""
+    """Give the selected fingers this size and stiffness. Fingertips of Dermis change their shape with it"""
 
     bl_idname = "dermis.apply_skin"
     bl_label = "Use Fingertip"
@@ -62,7 +62,7 @@ class DERMIS_OT_reset_skin_range(bpy.types.Operator):
 
 
 class DERMIS_OT_clear_skins(bpy.types.Operator):
-    """Delete the stored skins of every size; they are made again when they are needed"""
+    """Delete the stored skin models of every size. They are computed again when needed"""
 
     bl_idname = "dermis.clear_skins"
     bl_label = "Delete Stored Skins"

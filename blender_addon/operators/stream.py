@@ -28,7 +28,7 @@ class DERMIS_OT_stream_connect(Streaming, bpy.types.Operator):
 
     confirmed: BoolProperty(  # type: ignore[valid-type]
         name="Confirmed",
-        description="The files that this .blend names may be read and written",
+        description="Reading and writing the files that this .blend file names is allowed",
         options={"HIDDEN", "SKIP_SAVE"},
     )
 
@@ -64,7 +64,7 @@ class DERMIS_OT_stream_connect(Streaming, bpy.types.Operator):
 
 
 class DERMIS_OT_stream_disconnect(Streaming, bpy.types.Operator):
-    """Bring the device to its safe state and let it go"""
+    """Bring the device to its safe state and close the connection"""
 
     bl_idname = "dermis.stream_disconnect"
     bl_label = "Disconnect"
@@ -76,8 +76,8 @@ class DERMIS_OT_stream_disconnect(Streaming, bpy.types.Operator):
 
 
 class DERMIS_OT_stream_arm(Checked, Streaming, bpy.types.Operator):
-    """Enable the device's motors; it starts at its current pose. Locate the Stop button first. A bake of a scene that
-    has changed since is not played"""
+    """Enable the device's motors. It starts at its current pose. Locate the Stop button first. An outdated bake is not
+    played"""
 
     bl_idname = "dermis.stream_arm"
     bl_label = "Arm"
@@ -128,7 +128,7 @@ class DERMIS_OT_stream_arm(Checked, Streaming, bpy.types.Operator):
 
 
 class DERMIS_OT_stream_stop(bpy.types.Operator):
-    """Safe state, now"""
+    """Bring the device to its safe state now"""
 
     bl_idname = "dermis.stream_stop"
     bl_label = "Stop"
@@ -144,7 +144,7 @@ class DERMIS_OT_stream_stop(bpy.types.Operator):
 
 
 class DERMIS_OT_stream_logs(Streaming, bpy.types.Operator):
-    """Show the folder of the logs in the system's file manager"""
+    """Open the folder of the logs"""
 
     bl_idname = "dermis.stream_logs"
     bl_label = "Show Logs"
@@ -170,7 +170,7 @@ class DERMIS_OT_stream_rescan(Streaming, bpy.types.Operator):
 
 
 class DERMIS_OT_stream_use_port(Streaming, bpy.types.Operator):
-    """Use this port; for a paired board its protocol too"""
+    """Use this port, and the protocol of a paired board"""
 
     bl_idname = "dermis.stream_use_port"
     bl_label = "Use Port"

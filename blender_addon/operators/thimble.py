@@ -24,7 +24,7 @@ def _searched(context: bpy.types.Context) -> Any | None:
 
 @needs(_searched, "Select a finger with a thimble, or with six legs matched by stress")
 class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
-    """Learn what this finger's device does to its skin, for the methods Network and Polynomial; Esc cancels"""
+    """Learn the effect of this device on this finger's skin, for the methods Network and Polynomial. Esc cancels"""
 
     bl_idname = "dermis.adapt_thimble"
     bl_label = "Adapt to This Finger"
@@ -50,7 +50,7 @@ class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
 
 @needs(lambda context: active_device(context, "thimble"), "Select a finger with a thimble")
 class DERMIS_OT_plot_thimble(File, bpy.types.Operator):
-    """Draw what this finger felt in the last bake in three components, beside all that the thimble can do"""
+    """Draw this finger's touch in the last bake in three components, beside the range of the thimble"""
 
     bl_idname = "dermis.plot_thimble"
     bl_label = "Stimulus Plot"

@@ -18,7 +18,7 @@ from .work import File, Folder, counted, listed
 
 
 class DERMIS_OT_load_track(Streaming, File, bpy.types.Operator):
-    """Read a command track from a file: it drives the twin, and can be streamed"""
+    """Read a command track from a file. It drives the twin and can be streamed"""
 
     bl_idname = "dermis.load_track"
     bl_label = "Load Track"
@@ -40,8 +40,8 @@ class DERMIS_OT_load_track(Streaming, File, bpy.types.Operator):
 
 
 class DERMIS_OT_export_as(Checked, Folder, bpy.types.Operator):
-    """Write baked tracks in another format, or parts of them. Tracks with errors are refused unless forced, and those
-    of a scene that has changed since always"""
+    """Write baked tracks in another format, or parts of them. Tracks with errors are refused unless Force is on.
+    Outdated bakes are always refused"""
 
     bl_idname = "dermis.export_as"
     bl_label = "Export As"
@@ -53,12 +53,12 @@ class DERMIS_OT_export_as(Checked, Folder, bpy.types.Operator):
     )
     span: EnumProperty(  # type: ignore[valid-type]
         name="Range",
-        description="Frames that are written",
+        description="Frames to write",
         items=(
-            ("ALL", "Whole Bake", "Everything that was baked"),
+            ("ALL", "Whole Bake", "All baked frames"),
             ("PREVIEW", "Preview Range", "The preview range"),
-            ("MARKERS", "Markers", "One file from each marker to the next"),
-            ("ACTION", "Action", "The frames of the active object's action"),
+            ("MARKERS", "Markers", "One file for each interval between markers"),
+            ("ACTION", "Action", "Frames of the active object's action"),
         ),
         default="ALL",
     )
@@ -66,9 +66,9 @@ class DERMIS_OT_export_as(Checked, Folder, bpy.types.Operator):
         name="Active Finger Only", description="Write only the tracks of the active finger", default=False
     )
     all_scenes: BoolProperty(  # type: ignore[valid-type]
-        name="All Baked Scenes", description="Write the tracks of every scene of this file that is baked", default=False
+        name="All Baked Scenes", description="Write the tracks of every baked scene of this file", default=False
     )
-    force: BoolProperty(name="Force", description="Write tracks with errors as they are", default=False)  # type: ignore[valid-type]
+    force: BoolProperty(name="Force", description="Also write tracks with errors", default=False)  # type: ignore[valid-type]
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for the folder."""

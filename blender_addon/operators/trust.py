@@ -15,7 +15,8 @@ from ..results import store
     "Bake first, and leave edit mode",
 )
 class DERMIS_OT_trust_band(jobs.Job, bpy.types.Operator):
-    """Bake the scene again, shifted by 0.1 um, sampled twice as often and mirrored, and mark where forces or commands change by more than 5 % of their peak. Takes about five times as long as a bake; Esc cancels"""  # noqa: E501
+    """Bake the scene again: shifted by 0.1 um, at twice the sample rate, and mirrored. Mark where forces or commands
+    change by more than 5 % of their peak. Takes about five times as long as a bake. Esc cancels"""
 
     bl_idname = "dermis.trust_band"
     bl_label = "Trust Band"

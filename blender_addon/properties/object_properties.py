@@ -41,7 +41,7 @@ class DermisDevice(bpy.types.PropertyGroup):
     enabled: switch("Enabled", "Bake a track for this device", True)
     screen: PointerProperty(
         name="Screen",
-        description="The touch screen that this finger touches; empty: every screen in the scene",
+        description="Touch screen that this finger touches. If empty, every screen in the scene",
         type=bpy.types.Object,
         poll=_is_screen,
         update=touched,
@@ -55,7 +55,7 @@ class DermisMaterial(bpy.types.PropertyGroup):
 
     preset: StringProperty(
         name="Preset",
-        description="The preset that the values below were last taken from",
+        description="Preset from which the values below were taken last",
         search=lambda _self, _context, text: choices.search("materials", text),
         options=set(),
         override=OVERRIDE,
@@ -90,10 +90,10 @@ class DermisObject(bpy.types.PropertyGroup):
 
     role: EnumProperty(
         name="Role",
-        description="What this object is to Dermis",
+        description="Role of this object",
         items=(
             ("NONE", "Nothing", "Dermis ignores this object"),
-            ("FINGER", "Finger", "A fingertip that feels"),
+            ("FINGER", "Finger", "A fingertip"),
             ("TOUCHABLE", "Touchable", "An object that fingers can feel"),
             ("SCREEN", "Touch Screen", "A touch screen that renders friction"),
         ),
@@ -133,6 +133,6 @@ register, unregister = registration(
     (
         bpy.types.Object,
         "dermis",
-        PointerProperty(type=DermisObject, name="Dermis", description="Part in touch", override=OVERRIDE),
+        PointerProperty(type=DermisObject, name="Dermis", description="Settings of Dermis", override=OVERRIDE),
     ),
 )

@@ -28,8 +28,8 @@ class DermisThimbleView(bpy.types.PropertyGroup):
     )
     workspace: BoolProperty(
         name="Workspace",
-        description="Draw where the pointer under the disc can go, at several heights: each loop is "
-        "the largest tilt in every direction",
+        description="Draw the range of the pointer under the disc at several heights. Each loop is the largest tilt in "
+        "every direction",
         default=False,
         options=set(),
         update=redrawn,
@@ -119,7 +119,7 @@ class DermisScene(bpy.types.PropertyGroup):
     thimble_view: PointerProperty(description="Display of thimbles", type=DermisThimbleView)
     live_preview: BoolProperty(
         name="Live Preview",
-        description="Evaluate the current frame while you scrub, where no fresh bake covers it",
+        description="Compute the current frame while you scrub, unless an up-to-date bake covers it",
         default=True,
         options=set(),
         update=redrawn,
@@ -132,29 +132,26 @@ class DermisScene(bpy.types.PropertyGroup):
         update=redrawn,
     )
     show_readout: BoolProperty(
-        name="Readout",
-        description="Write the devices' values into the view",
-        default=True,
-        options=set(),
-        update=redrawn,
+        name="Readout", description="Show the devices' values in the view", default=True, options=set(), update=redrawn
     )
     show_strip: BoolProperty(
         name="Strip",
-        description="Draw touch, mismatch, limits and findings along the bottom of timeline and graph editor",
+        description="Draw touch, error, limits and findings along the bottom of timeline, dope sheet and graph editor",
         default=True,
         options=set(),
         update=redrawn,
     )
     fold_cards: BoolProperty(
         name="Fold",
-        description="Show each device and each pad in the view as one line; cards without room are folded anyway",
+        description="Show each device and each pad in the view as one line. Cards for which there is no room are "
+        "always folded",
         default=False,
         options=set(),
         update=redrawn,
     )
     twin_exaggeration: FloatProperty(
         name="Exaggeration",
-        description="Draw the tactor's movement this many times as large as it is",
+        description="Factor by which the drawn movement of the tactor is enlarged",
         default=1.0,
         min=0.1,
         max=100.0,

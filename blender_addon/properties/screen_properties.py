@@ -26,11 +26,11 @@ class DermisScreen(bpy.types.PropertyGroup):
 
     source: EnumProperty(
         name="Relief",
-        description="Where the relief that the finger shall feel comes from",
+        description="Source of the relief",
         items=(
             ("IMAGE", "Image", "An image of this file; white is high", "IMAGE_DATA", 0),
             ("FILE", "Image File", "A height or depth map from disk", "FILE_IMAGE", 1),
-            ("SEQUENCE", "Image Sequence", "Numbered files, one a frame", "RENDER_ANIMATION", 2),
+            ("SEQUENCE", "Image Sequence", "Numbered files, one per frame", "RENDER_ANIMATION", 2),
             ("MESH", "Mesh", "Ray-cast from any object that lies on the screen", "MESH_DATA", 3),
         ),
         default="IMAGE",
@@ -40,14 +40,14 @@ class DermisScreen(bpy.types.PropertyGroup):
     )
     image: PointerProperty(
         name="Image",
-        description="The relief, brighter is higher",
+        description="Image of the relief; brighter is higher",
         type=bpy.types.Image,
         update=touched,
         override=OVERRIDE,
     )
     filepath: StringProperty(
         name="File",
-        description="Height map; of a sequence the first file",
+        description="File of the height map, or the first file of a sequence",
         subtype="FILE_PATH",
         options=BLEND_RELATIVE,
         update=touched,
@@ -56,7 +56,7 @@ class DermisScreen(bpy.types.PropertyGroup):
     sequence_start: declare_one(_screen.SEQUENCE["sequence_start"])
     mesh_object: PointerProperty(
         name="Mesh",
-        description="The object whose relief is cast onto the screen",
+        description="Object whose relief is cast onto the screen",
         type=bpy.types.Object,
         poll=_is_mesh,
         update=touched,
@@ -69,7 +69,7 @@ class DermisScreen(bpy.types.PropertyGroup):
     height_mm: declare_one(_screen.HEIGHT)
     resolution: IntProperty(
         name="Resolution",
-        description="Points along the longer side when a mesh is cast onto the screen",
+        description="Number of points along the longer side, for a mesh that is cast onto the screen",
         default=256,
         min=2,
         max=8192,

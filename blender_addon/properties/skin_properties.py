@@ -39,7 +39,7 @@ class DermisSkin(bpy.types.PropertyGroup):
 
     preset: StringProperty(
         name="Preset",
-        description="The preset that the values below were last taken from",
+        description="Preset from which the values below were taken last",
         search=lambda _self, _context, text: choices.search("skins", text),
         default=_skin.DEFAULT_SKIN,
         options=set(),
@@ -52,21 +52,21 @@ class DermisSkinView(bpy.types.PropertyGroup):
 
     show: BoolProperty(
         name="Heat Map",
-        description="Draw the skin in the view; a hidden one is not computed",
+        description="Draw the skin in the view. A hidden skin is not computed",
         default=True,
         options=set(),
         update=redrawn,
     )
     quantity: EnumProperty(
         name="Quantity",
-        description="Quantity of the colours",
+        description="Quantity shown by the colours",
         items=(
-            ("von_mises", "von Mises Stress", "How hard the tissue at the surface is strained, as one number", 0),
-            ("pressure", "Pressure", "Force into the skin over its area", 1),
-            ("traction", "Shear Traction", "Force along the skin over its area: friction", 2),
-            ("displacement", "Displacement", "How far the skin is moved from its rest", 3),
-            ("energy", "Strain Energy Density", "What slowly adapting receptors follow best", 4),
-            ("xx", "Stress xx", "Across the finger, in the nail's frame; tension is above zero", 5),
+            ("von_mises", "von Mises Stress", "Scalar measure of the shear stress in the tissue at the surface", 0),
+            ("pressure", "Pressure", "Force per area, normal to the skin", 1),
+            ("traction", "Shear Traction", "Force per area along the skin, by friction", 2),
+            ("displacement", "Displacement", "Distance of the skin from its position at rest", 3),
+            ("energy", "Strain Energy Density", "Energy per volume; slowly adapting receptors follow it best", 4),
+            ("xx", "Stress xx", "Across the finger, in the nail's frame; tension is positive", 5),
             ("yy", "Stress yy", "Along the finger, in the nail's frame", 6),
             ("zz", "Stress zz", "Towards the nail, in the nail's frame", 7),
             ("yz", "Stress yz", "Shear of the pad along the finger", 8),
@@ -81,9 +81,9 @@ class DermisSkinView(bpy.types.PropertyGroup):
         name="Range",
         description="Value at the end of the colours",
         items=(
-            ("auto", "Automatic", "The largest value so far; it makes frames comparable"),
+            ("auto", "Automatic", "The largest value so far, so that frames can be compared"),
             ("frame", "This Frame", "The largest value of the frame"),
-            ("fixed", "Fixed", "The value below"),
+            ("fixed", "Fixed", "A value of your own"),
         ),
         default="auto",
         options=set(),
@@ -123,7 +123,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
     )
     fill: FloatProperty(
         name="Unstressed Skin",
-        description="How much of the skin is drawn where the value is zero",
+        description="Opacity of the skin where the value is zero",
         default=0.15,
         min=0.0,
         max=1.0,
@@ -133,7 +133,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
     )
     exaggeration: FloatProperty(
         name="Exaggeration",
-        description="Draw the skin's displacement this many times as large as it is",
+        description="Factor by which the drawn displacement of the skin is enlarged",
         default=1.0,
         min=0.0,
         max=100.0,
@@ -148,7 +148,7 @@ class DermisSkinView(bpy.types.PropertyGroup):
     )
     legend: BoolProperty(
         name="Legend",
-        description="Write scale, forces and the model's error into the view",
+        description="Show scale, forces and the model's error in the view",
         default=True,
         options=set(),
         update=redrawn,

@@ -77,31 +77,36 @@ class DermisStreamChannel(bpy.types.PropertyGroup):
     unit: StringProperty(description="SI unit of the values", options={"HIDDEN"})
     jog: FloatProperty(
         name="Position",
-        description="Where the actuator is put by hand, in SI",
+        description="Position of the actuator in the mode Jog, in SI units",
         precision=5,
         step=1,
         update=_changed,
         options=set(),
     )
     zero: FloatProperty(
-        name="Zero", description="Output for a command of 0, in SI", precision=5, step=1, update=_changed, options=set()
+        name="Zero",
+        description="Output for a command of 0, in SI units",
+        precision=5,
+        step=1,
+        update=_changed,
+        options=set(),
     )
     gain: FloatProperty(
         name="Gain",
-        description="Driven change for a commanded change; negative turns it round",
+        description="Change of the output per change of the command. A negative gain reverses the direction",
         default=1.0,
         precision=4,
         update=_changed,
         options=set(),
     )
     use_limits: BoolProperty(
-        name="Own Limits", description="Tighter limits than the preset's", update=_changed, options=set()
+        name="Own Limits", description="Use tighter limits than the preset's", update=_changed, options=set()
     )
     low: FloatProperty(
-        name="Low", description="Least that may be driven, in SI", precision=5, update=_changed, options=set()
+        name="Low", description="Smallest output, in SI units", precision=5, update=_changed, options=set()
     )
     high: FloatProperty(
-        name="High", description="Most that may be driven, in SI", precision=5, update=_changed, options=set()
+        name="High", description="Largest output, in SI units", precision=5, update=_changed, options=set()
     )
     response: StringProperty(description="Measured curve, as JSON; empty for none", update=_changed, options={"HIDDEN"})
     frequency: StringProperty(
@@ -138,7 +143,7 @@ class DermisStream(bpy.types.PropertyGroup):
     )
     output: StringProperty(
         name="Track",
-        description="Finger and device whose track is played; the first one if empty",
+        description="Finger and device whose track is played. If empty, the first of the bake",
         search=_outputs,
         update=_chosen,
         options=set(),
@@ -148,35 +153,35 @@ class DermisStream(bpy.types.PropertyGroup):
     )
     track_file: StringProperty(
         name="Track File",
-        description="A command track from a file, instead of the bake",
+        description="File of a command track that is played instead of the bake",
         subtype="FILE_PATH",
         update=_agreed("track_file", _chosen),
         options=BLEND_RELATIVE,
     )
     screen_file: StringProperty(
         name="Screen Map",
-        description="The screen's relief and law, as exported, for the mode Touch",
+        description="Exported relief and friction law of the screen, for the mode Touch",
         subtype="FILE_PATH",
         update=_agreed("screen_file", _changed),
         options=BLEND_RELATIVE,
     )
     use_log: BoolProperty(
         name="Log",
-        description="Write commanded, limited, sent and reported values, one row a sample",
+        description="Write commanded, limited, sent and reported values, one row per sample",
         default=False,
         update=_log_switched,
         options=set(),
     )
     log_folder: StringProperty(
         name="Log Folder",
-        description="Folder for logs, each named by device and time; the extension's own folder if empty",
+        description="Folder for logs, which are named by device and time. If empty, the extension's own folder",
         subtype="DIR_PATH",
         update=_log_chosen,
         options=BLEND_RELATIVE,
     )
     tee: StringProperty(
         name="Tee",
-        description="Also send the rows to udp://HOST:PORT or lsl:NAME; several with blanks between them",
+        description="Also send the rows to udp://HOST:PORT or lsl:NAME. Separate several by blanks",
         update=_agreed("tee", _changed),
         options=set(),
     )

@@ -9,7 +9,7 @@ SCREEN = table(
         name="touch_distance",
         unit="m",
         label="Touch Gap",
-        text="The finger counts as touching up to this far above the screen",
+        text="The finger touches the screen up to this distance above it",
         default=1e-3,
         absent=None,
         low=0.0,
@@ -47,7 +47,7 @@ HEIGHT = Parameter(
     name="height",
     unit="m",
     label="Height",
-    text="How high white stands above black",
+    text="Height of white above black",
     default=2e-3,
     low=0.0,
     high=1e3,
@@ -61,9 +61,9 @@ NO_DATA = Parameter(
     name="no_data",
     unit=TEXT,
     label="No Data",
-    text="The number, as the file stores it, that stands for 'nothing measured': 0 of depth cameras, -9999, 65535; "
-    "several with semicolons between. Such pixels are filled from their rims. 'none': every other number is a height. "
-    "Empty: as the file declares",
+    text="Stored number that means 'not measured', such as 0 of depth cameras, -9999 or 65535; separate "
+    "several by semicolons. Such pixels are filled in from their neighbours. With 'none', every number is "
+    "a height. If empty, as the file declares",
     default="",
     note="scripts give `depth_map.read` it as `no_data`",
 )

@@ -50,7 +50,7 @@ PINS = table(
         name="pin_nodes",
         unit=TEXT,
         label="Compare",
-        text="Where the skin's deformation is compared with the target's",
+        text="Nodes at which the skin's deformation is compared with the target",
         default="all",
         choices=(
             ("all", "All Tissue", "Every node of the mesh that can move, as in the paper"),
@@ -62,15 +62,15 @@ PINS = table(
         name="pin_bounded",
         unit=SWITCH,
         label="Force Limit",
-        text="Solve within the force that a pin can give; without it as the paper does, and "
-        "forces beyond the limits are clipped afterwards",
+        text="Solve within the force limits of the pins. If off, forces are clipped to the limits afterwards, as "
+        "in the paper",
         default=True,
     ),
     Parameter(
         name="pin_lead",
         unit=SWITCH,
         label="Lead by Delay",
-        text="Advance the track by the device's control delay, so that pins press when the touch is seen",
+        text="Advance the track by the device's control delay, so that pins press at the time of the visible touch",
         default=True,
     ),
     _fade("pin_fade_in", "Fade In", "Time in which the pins' forces come up at the start of the track"),
@@ -99,8 +99,8 @@ PLATFORM = table(
         name="platform_method",
         unit=TEXT,
         label="Method",
-        text="Method that finds the motors' commands for the target skin state; six legs with a motor each can be "
-        "searched for a pose as a thimble is",
+        text="Method that finds the motors' commands for the target skin state. For six legs with one motor each, "
+        "the pose can be searched as for a thimble",
         source="[S2] III; [S0] 5",
         default="lookup",
         choices=(
@@ -112,7 +112,8 @@ PLATFORM = table(
         name="table",
         unit=TEXT,
         label="Table",
-        text="A collected look-up table of this platform (.npz); empty: one is swept for this finger's skin and kept",
+        text="File of a collected look-up table of this platform (.npz). If empty, a table is simulated for this "
+        "finger's skin and stored",
         default="",
         file=True,
     ),
@@ -120,8 +121,8 @@ PLATFORM = table(
         name="table_rows",
         unit="1",
         label="Configurations",
-        text="How many configurations of the platform are swept for its table: more are "
-        "finer and take longer, some 2000 a second",
+        text="Number of simulated configurations in the look-up table. More are finer and take longer, at about "
+        "2000 per second",
         default=3375,
         low=8,
         high=2_000_000,
@@ -144,7 +145,7 @@ THIMBLE = table(
         name="thimble_surrogate",
         unit=TEXT,
         label="Surrogate",
-        text="File of an adaptation (.npz, with its .onnx beside it); empty: the one that Adapt to This Finger made",
+        text="File of an adaptation (.npz, with its .onnx beside it). If empty, the one made by Adapt to This Finger",
         default="",
         file=True,
     ),
@@ -166,8 +167,7 @@ THIMBLE = table(
         name="thimble_calibrated",
         unit=SWITCH,
         label="Calibrated",
-        text="Mount the device as it sits on this person: the servo angles below are those "
-        "at which the disc is first felt",
+        text="Use the servo angles below, at which this person first feels the disc, as the mounting of the device",
         default=False,
     ),
     _first_contact(1),

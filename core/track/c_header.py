@@ -1,18 +1,20 @@
-"""Command tracks as a C header for a microcontroller: 16-bit samples in flash, and a player that needs no library.
+"""Command tracks as a C header with a player for microcontrollers.
 
-Only channels with an actuator are written. Sample values are counts from 0 (the channel's low) to 65535 (its high).
-The player is called as often as the sketch likes; it interpolates between samples and gives every channel's count::
+The samples are in flash memory, and the player needs no library. Only channels with an actuator are written. Samples
+are counts of 16 bits: 0 is the channel's low, and 65535 is its high. A sketch may call the player at any rate. The
+player interpolates between samples and gives the count of every channel::
 
     #include "thumb.h"
     void loop() {
       uint16_t counts[THUMB_CHANNELS];
-      if (!thumb_play(micros() - started, counts)) { /* at its end: the rest pose */ }
+      if (!thumb_play(micros() - started, counts)) { /* the track is over: counts of the rest pose */ }
       for (uint8_t i = 0; i < THUMB_CHANNELS; i++) drive(i, counts[i]);
     }
 
-Time is kept by a ratio of whole numbers: THUMB_PERIOD_SAMPLES samples take THUMB_PERIOD_US microseconds (at 240 Hz
-3 samples 12500 us). Each call finds the sample from the time anew, in 32 bits and without rounding: nothing adds up.
-THUMB_FORMAT is the format's version: 2 since the period is a ratio (before, whole microseconds and no number).
+The period of the samples is a ratio of whole numbers: THUMB_PERIOD_SAMPLES samples take THUMB_PERIOD_US microseconds
+(at 240 Hz, 3 samples take 12500 us). Each call computes the sample from the time alone, in 32 bits and without
+rounding, so no error accumulates. THUMB_FORMAT is the version of the format, 2. In version 1 the period was a whole
+number of microseconds, and there was no THUMB_FORMAT.
 """
 
 from __future__ import annotations
@@ -30,12 +32,14 @@ from ..files import write_bytes
 from .command_track import CommandTrack
 from .track_header import check_finite
 
-FULL = 65535
-VERSION = 2
-_PER_LINE = 12
-_WORD = 2**32
-_LONGEST = 2**23  # numerator of a period [us] with which the player's interpolation stays within 32 bits
-_DRIFT, _PART = 0.5, 1e-7  # where no such ratio is exact: [us] at the last sample, or a hundredth of a quartz's error
+FULL = 65535  # count of a channel's high
+VERSION = 2  # version of the format
+_PER_LINE = 12  # counts in a line of the header
+_WORD = 2**32  # number of values that 32 bits can hold
+_LONGEST = 2**23  # [us] largest numerator of a period for which the player's interpolation stays within 32 bits
+# A ratio that is not exact is accepted if one of two errors is small enough.
+# _DRIFT: [us] largest error at the last sample. _PART: largest relative error, a hundredth of that of a quartz clock.
+_DRIFT, _PART = 0.5, 1e-7
 
 _PLAYER = """
 /* Give the counts of all channels at a time from the start [us]; return 0 from the end on, with the rest pose. */
@@ -59,7 +63,7 @@ static uint8_t {name}_play(uint32_t now_us, uint16_t *counts) {{
 }}
 """
 
-# The part of a sample's period that has gone by is part / PERIOD_US in both.
+# Both clocks give `sample` and `part`: part / PERIOD_US is the share of the sample's period that has elapsed.
 _WHOLE = """  uint32_t sample = now_us / {NAME}_PERIOD_US;
   uint32_t part = now_us % {NAME}_PERIOD_US;"""
 _RATIO = """  /* PERIOD_SAMPLES samples take PERIOD_US: whole groups of them, then samples of the last. Exact. */
@@ -77,7 +81,9 @@ _LONG = """      /* Up to 23 bits of time: long division, a byte of the differen
 
 
 def write(track: CommandTrack, path: Path) -> None:
-    """Write a track as a C header named after the file, whole or not at all.
+    """Write a track as a C header in one atomic step.
+
+    The names in the header begin with the file's name.
 
     Raises:
         DermisError: see `dumps`; or the file cannot be written.
@@ -92,10 +98,12 @@ def identifier(text: str) -> str:
 
 
 def counts(track: CommandTrack) -> tuple[NDArray[np.uint16], list[int]]:
-    """Return the samples of the channels with an actuator as counts, shape (n, k), and their columns.
+    """Return counts, shape (n, k), and the k columns of the track for them.
+
+    The columns are those of the channels with an actuator.
 
     Raises:
-        DermisError: no channel has an actuator, one has no range, or a value lies outside of it.
+        DermisError: no channel has an actuator, such a channel has no range, or a value is outside the range.
     """
     columns = [i for i, c in enumerate(track.channels) if c.actuator]
     if not columns:
@@ -110,11 +118,12 @@ def dumps(track: CommandTrack, name: str) -> str:
     """Return a track as a C header; equal tracks give equal text.
 
     Args:
-        name: identifier that everything in the header begins with.
+        name: C identifier in lower case with which the names in the header begin.
 
     Raises:
-        DermisError: no C identifier; fewer than two samples; times that are no regular grid; a rate or a length that a
-            clock of microseconds in 32 bits cannot keep; a channel without a range, or a value outside of it.
+        DermisError: `name` is no C identifier in lower case; there are fewer than two samples; a time or a value is
+            not finite; the times are no regular grid; a clock of microseconds in 32 bits cannot keep the rate or the
+            length; no channel has an actuator, such a channel has no range, or a value is outside the range.
     """
     where = f"track of '{track.meta.get('finger', track.spec.key)}'"
     if identifier(name) != name:
@@ -174,18 +183,19 @@ def dumps(track: CommandTrack, name: str) -> str:
 
 
 def _period(rate: float, samples: int, where: str) -> Fraction:
-    """Return the time between samples [us] as a ratio n / d that the player keeps exactly: n * d < 2^32, n <= 2^23.
+    """Return the period of the samples [us] as a ratio of whole numbers.
 
-    Rates such as 240, 1000 or 24000/1001 Hz have one; of others the nearest is taken.
+    The player computes with the ratio n / d exactly if n * d < 2^32 and n <= 2^23. Rates such as 240, 1000 or
+    24000/1001 Hz have an exact ratio within these bounds. For other rates the nearest ratio within them is returned.
 
     Raises:
-        DermisError: the nearest is off by more than 0.5 us at the last sample and by more than 1e-7 of the time; or the
-            track lasts longer than a clock of 32 bits counts.
+        DermisError: the nearest ratio is off by more than 0.5 us at the last sample and by more than 1e-7 of the time;
+            or the track is longer than a clock of microseconds in 32 bits counts.
     """
     exact = Fraction(10**6) / Fraction(rate)
     largest = min(math.isqrt(int((_WORD - 1) / exact)), int(_LONGEST / exact)) if exact >= 1 else 0
     found = None
-    for limit in range(largest, max(largest - 8, 0), -1):  # rounding up may cross a bound: then a little below it
+    for limit in range(largest, max(largest - 8, 0), -1):  # rounding up may cross a bound
         near = exact.limit_denominator(limit)
         if near >= 1 and near.numerator * near.denominator < _WORD and near.numerator <= _LONGEST:
             found = near
@@ -210,9 +220,14 @@ def _period(rate: float, samples: int, where: str) -> Fraction:
 
 
 def _rate(period: Fraction, rate: float) -> str:
-    """Return the period in words, for the header's reader."""
+    """Return a sentence about the period for a comment in the header.
+
+    Args:
+        period: period of the samples in the header [us].
+        rate: rate of the track [Hz].
+    """
     off = float(abs(period * Fraction(rate) / 10**6 - 1))
-    # the ratio of a rate such as 24000/1001 Hz is exact, its float is not
+    # A float holds a rate such as 24000/1001 Hz only to 16 digits, so a difference that small counts as none.
     kept = "exactly" if off < 1e-15 else f"right to {off:.1e} of the time"
     if period.denominator == 1:
         return f"A sample each {period.numerator} us, {kept}."

@@ -1,4 +1,6 @@
-"""Command tracks as CSV, version 1: a header that rebuilds the device, then times and channels in SI.
+"""Command tracks as CSV, version 1.
+
+A header describes the device completely. Times and channels follow, in SI:
 
 ```
 # dermis-track 1
@@ -8,10 +10,11 @@ t_s,tactor_x[m],tactor_y[m]
 0,0,0
 0.001,1.25e-06,0
 ```
-UTF-8, LF, values as `%.9g`, no quoting: no name in it may hold a comma. In values of the header `\\`, line breaks and
-other control characters are escaped. Lines that end in CRLF are read too, since editors and version control change
-them on the way; everything else that version 1 does not know is refused with its line: keys, kinds of devices, fields
-of a wire, kinds of limiting. Only keys that begin with `x.` are free: other programs' notes, kept and written again.
+Files are UTF-8 with LF, and numbers are written as `%.9g`. Nothing is quoted, so no name of a column contains a comma.
+In header values, `\\`, line breaks and other control characters are escaped. Lines that end in CRLF are read too, since
+editors and version control may change the line ends. Everything else that version 1 does not know is an error that
+names the line: keys, kinds of devices, fields of the wire, kinds of limiting. Only keys that begin with `x.` are free.
+They are for notes of other programs, and are kept and written again.
 """
 
 from __future__ import annotations
@@ -33,12 +36,12 @@ from .csv_header import MAGIC, VERSION, count, entries_of, escaped, spec_of, spl
 from .known_keys import KEY, check_known, check_limited, check_meta, is_own
 
 _NOT_NUMERIC = re.compile(r"[^0-9eE+\-.,\n]")
-_ROWS_AT_ONCE = 4096
-_DIGITS = 5.001e-9  # nine digits move a number by half a unit of the ninth
+_ROWS_AT_ONCE = 4096  # rows that are formatted by one operation
+_DIGITS = 5.001e-9  # relative tolerance of a time: rounding to nine digits is off by half a unit of the ninth digit
 
 
 def write(track: CommandTrack, path: Path | str) -> None:
-    """Write a track as CSV; the file is complete or not written.
+    """Write a track as CSV in one atomic step.
 
     Raises:
         DermisError: the track cannot be written as version 1 (see `dumps`), or the file cannot be written.
@@ -50,15 +53,14 @@ def dumps(track: CommandTrack) -> str:
     """Return a track as CSV text; equal tracks give equal text.
 
     Raises:
-        DermisError: a value that is not finite, times that do not rise in nine digits, or a name that the
-            format cannot hold.
+        DermisError: a value is not finite, the times do not rise in nine digits, or the format cannot hold a name.
     """
     _check_writable(track)
     lines = [f"{MAGIC} {VERSION}"]
     lines += [f"# {key}: {escaped(value)}" if value else f"# {key}:" for key, value in entries_of(track)]
     lines.append(",".join(["t_s", *(f"{c.name}[{c.unit}]" for c in track.channels)]))
     row = ",".join(["%.9g"] * (1 + len(track.channels))) + "\n"
-    table = np.column_stack([track.times, track.values]) + 0.0  # no minus zeros
+    table = np.column_stack([track.times, track.values]) + 0.0  # turns -0.0 into 0.0
     body = [
         (row * len(part)) % tuple(part.ravel().tolist())
         for part in (table[i : i + _ROWS_AT_ONCE] for i in range(0, len(table), _ROWS_AT_ONCE))
@@ -67,16 +69,16 @@ def dumps(track: CommandTrack) -> str:
 
 
 def read(path: Path | str) -> CommandTrack:
-    """Read a track from a CSV file of the same format as `write`.
+    """Read a track from a CSV file in the format of `write`.
 
     Raises:
-        DermisError: not version 1, or not well formed; says in which line.
+        DermisError: the file cannot be read, is not version 1 or is not well formed; the error names the line.
     """
     path, where = Path(path), str(path)
     with opened(path) as (file, _):
         first = file.readline(200)
     if not first.startswith(MAGIC.encode()):
-        loads(first.decode("utf-8", "replace"), where=where)  # which raises the reason
+        loads(first.decode("utf-8", "replace"), where=where)  # raises the error that names the reason
     data = read_bytes(path, most=MAX_TEXT)
     try:
         text = data.decode("utf-8")
@@ -92,12 +94,13 @@ def read(path: Path | str) -> CommandTrack:
 
 
 def loads(text: str, *, where: str = "track") -> CommandTrack:
-    """Read a track from CSV text; the device is rebuilt from the header; `x.` keys are kept in `meta`.
+    """Read a track from CSV text.
 
-    Where the times are a regular grid at the stated rate to within the nine digits written, they come back exact.
+    The device is rebuilt from the header. Keys that begin with `x.` are kept in `meta`. If all times agree with a
+    regular grid at the stated rate in the nine digits of the file, the exact times of the grid are returned.
 
     Raises:
-        DermisError: not version 1, or not well formed; says in which line.
+        DermisError: the text is not version 1 or not well formed; the error names the line.
     """
     if "\r" in text:
         text = text.replace("\r\n", "\n")
@@ -189,7 +192,10 @@ def _check_writable(track: CommandTrack) -> None:
 
 
 def _table(body: str, columns: int, where: str, first_line: int) -> Array:
-    """Parse the rows; every one must have all columns, and nothing but finite numbers."""
+    """Return the rows as numbers, shape (n, columns).
+
+    Every row must have all columns, and every cell must be a finite number.
+    """
     if not body:
         return np.empty((0, columns))
     lines = body[:-1].split("\n")
@@ -212,7 +218,7 @@ def _table(body: str, columns: int, where: str, first_line: int) -> Array:
 
 
 def _refuse_cell(lines: list[str], where: str, first_line: int) -> None:
-    """Name the first cell that is not a finite number."""
+    """Raise an error that names the first cell without a finite number."""
     for number, line in enumerate(lines, start=first_line):
         for column, cell in enumerate(line.split(","), start=1):
             try:
@@ -238,7 +244,10 @@ def _check_rising(times: Array, where: str, first_line: int) -> None:
 
 
 def _on_grid(times: Array, rate: float) -> Array:
-    """Return exact times where they are a regular grid at `rate` but for the nine digits written."""
+    """Return the exact times of a regular grid at `rate` [Hz].
+
+    If the times do not agree with such a grid in nine digits, they are returned as they are.
+    """
     if len(times) == 0:
         return times
     start = np.rint(times[0] * rate)

@@ -1,4 +1,4 @@
-"""The header of a CSV track: `# key: value` lines that say where it comes from and rebuild its device."""
+"""Header of a CSV track: `# key: value` lines with its origin and device."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ VERSION = 1
 MAGIC = "# dermis-track"
 UNIT_SYSTEM = "SI"
 
-EMPTY = '{"rest": 0}'  # the least that a channel's line may say
+EMPTY = '{"rest": 0}'  # value of a channel's line for a channel without limits
 
-Entries = Mapping[str, tuple[str, int]]  # key -> value, number of its line
+Entries = Mapping[str, tuple[str, int]]  # by key: the value, and the number of its line
 
 _UNSAFE = re.compile("[\\\\\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff]")
 _ESCAPE = re.compile(r"\\(\\|n|r|t|u[0-9a-f]{4}|.?)", re.DOTALL)
@@ -30,7 +30,7 @@ _LONG = {"\\": "\\", "n": "\n", "r": "\r", "t": "\t"}
 
 
 def entries_of(track: CommandTrack) -> Iterator[tuple[str, str]]:
-    """Give the header's keys and values in their order."""
+    """Yield the keys and values of the header in the order of the file."""
     spec, meta = track.spec, track.meta
     for key in (*(k for k in FIRST_META if k in meta), *sorted(set(meta) - set(FIRST_META))):
         yield key, meta[key]
@@ -55,7 +55,7 @@ def entries_of(track: CommandTrack) -> Iterator[tuple[str, str]]:
 
 
 def _json(value: Any) -> str:
-    """Write a plain value on one line; floats so that they read back as the same floats."""
+    """Return a plain value as JSON on one line; floats are written exactly."""
     try:
         return json.dumps(value, ensure_ascii=False, allow_nan=False)
     except (TypeError, ValueError) as error:
@@ -67,7 +67,11 @@ def escaped(value: str) -> str:
 
 
 def split(text: str, where: str) -> tuple[dict[str, tuple[str, int]], str, str]:
-    """Separate header entries with their line numbers, the heading, and the rows."""
+    """Return the header's entries, the line of column names, and the rows.
+
+    Raises:
+        DermisError: the text is not version 1, ends in the middle of a line, or has an invalid header.
+    """
     first = text.partition("\n")[0]
     if first != f"{MAGIC} {VERSION}":
         _refuse_first_line(first, where)
@@ -114,7 +118,11 @@ def _refuse_first_line(first: str, where: str) -> None:
 
 
 def spec_of(entries: Entries, heading: str, where: str) -> DeviceSpec:
-    """Rebuild the device from the header and the row of column names."""
+    """Return the device that the header and the line of column names describe.
+
+    Raises:
+        DermisError: a key is missing or unknown, a value is invalid, or the columns do not fit the header.
+    """
     for key in ("device", "kind", "spec_hash", "rate", "units"):
         if key not in entries:
             raise DermisError(f"'# {key}' is missing in the header", where=where)

@@ -1,17 +1,21 @@
-"""Command tracks as WAV files, version 1: the voltage of a device, for sound card and amplifier.
+"""Command tracks as WAV files, version 1: the voltage of a device.
 
-One channel of 24-bit PCM, 48 to 192 kHz. Of a device that a sinusoid drives the voltage is
-amplitude(t) sin(phase(t)) + offset, with the track's amplitude as the peak; the phase begins at 0 and grows with the
-carrier. Of a voice coil it is the track's voltage, plus the offset. Samples are
+A sound card and an amplifier play the file, which has one channel of 24-bit PCM at 48 to 192 kHz. If a sinusoid drives
+the device, the voltage is amplitude(t) sin(phase(t)) + offset. The track's amplitude is the peak, and the phase begins
+at 0 and grows with the carrier frequency. For a voice coil, the voltage is that of the track plus the offset. Samples
+are
 
     sample = voltage / (gain * full_scale), 1 being the count 8388607
 
-so `full_scale` is the card's peak voltage and `gain` the amplifier's. Neither changes the device's input: they
-describe the chain behind the file. A voltage that the chain cannot give is refused, or clipped and counted on request.
+`full_scale` is the peak voltage of the card, and `gain` is the voltage gain of the amplifier. Both describe the chain
+behind the file, and neither changes the voltage at the device. A voltage beyond full scale is an error. On request it
+is clipped instead, and the clipped samples are counted.
 
-Before the samples stands a LIST chunk of type INFO: INAM (finger and device), ISBJ (kind of the file), ISFT, and ICMT,
-a JSON object in ASCII: the header of the JSON track, with the schema below, and `wave`: rate, unit, gain, full_scale,
-offset, carrier (null where it is the track's), clipped (samples), open_loop, counts (of full scale).
+A LIST chunk of type INFO is before the samples. Its entries are INAM (finger and device), ISBJ (contents of the file),
+ISFT (program) and ICMT, a JSON object in ASCII. The object is the header of the JSON track with the schema below and
+one more field, `wave`. The entries of `wave` are rate [Hz], unit of the voltage, gain, full_scale [V], offset [V],
+carrier (fixed frequency [Hz]; null if the track gives the frequency or the device has none), clipped (number of
+samples), open_loop and counts (count of full scale).
 """
 
 from __future__ import annotations
@@ -37,8 +41,8 @@ from .track_header import check_finite, header_of, text_of
 from .upsampling import ratio, upsampled
 
 SCHEMA = "dermis-track-wav 1"
-COUNTS = 2**23 - 1
-SLACK = 1e-9  # relative: rounding of sums and products is no step beyond full scale
+COUNTS = 2**23 - 1  # count of full scale, the largest in 24 bits
+SLACK = 1e-9  # relative tolerance of full scale and of the channel's limit, since sums and products are rounded
 CHAIN = {
     "full_scale": "the output's peak voltage for the largest sample: 1.414 times the RMS volts of a full-scale tone",
     "gain": "the voltage gain between output and device (1 without an amplifier)",
@@ -51,9 +55,10 @@ class Wave:
     """A track's voltage as samples.
 
     Attributes:
-        rate: [Hz]. volts: at the device [V], not yet clipped, shape (n,).
-        limit: voltage at the device of the largest sample [V].
-        header: description in the file.
+        rate: sampling rate [Hz].
+        volts: voltage at the device [V], not yet clipped, shape (n,).
+        limit: voltage at the device for a sample at full scale [V].
+        header: field `wave` of the header in the file.
         findings: findings of the conversion.
     """
 
@@ -65,13 +70,13 @@ class Wave:
 
 
 def write(track: CommandTrack, path: Path, settings: Mapping[str, Any]) -> tuple[Finding, ...]:
-    """Write a track as a WAV file, in one atomic step; return findings about it.
+    """Write a track as a WAV file in one atomic step; return the findings.
 
     Args:
         settings: values of the rows of `WAVE`, in SI.
 
     Raises:
-        DermisError: see `wave_of`; or the file cannot be written.
+        DermisError: see `wave_of` and `dumps`; or the file cannot be written.
     """
     wave = wave_of(track, settings)
     write_bytes(Path(path), dumps(track, wave))
@@ -79,14 +84,16 @@ def write(track: CommandTrack, path: Path, settings: Mapping[str, Any]) -> tuple
 
 
 def stated(options: Mapping[str, Any], needed: tuple[str, ...], where: str) -> dict[str, Any]:
-    """Return the settings that a verb's options state, for a voltage that a real device gets.
+    """Return the WAV settings among the options of a command.
+
+    Use this before a real device is driven: its voltage is known only if the settings of the chain are given.
 
     Args:
-        options: by name, 'wav_full_scale' and so on, in SI; None where one is left out.
-        needed: settings without which nobody knows the volts at the device.
+        options: values by name ('wav_full_scale' ...), in SI; None for an option that was left out.
+        needed: names of the settings without which the voltage at the device is not known.
 
     Raises:
-        DermisError: one of those is left out, or 0.
+        DermisError: a needed setting is left out, or is 0.
     """
     given = {name: options[f"wav_{name}"] for name in WAVE if options[f"wav_{name}"] is not None}
     if missing := [name for name in needed if not given.get(name)]:
@@ -100,14 +107,19 @@ def stated(options: Mapping[str, Any], needed: tuple[str, ...], where: str) -> d
 
 
 def wave_of(track: CommandTrack, settings: Mapping[str, Any]) -> Wave:
-    """Return the voltage that a track stands for.
+    """Return the voltage of a track, sampled at the rate of the WAV file.
 
-    Codes of its findings: 'open-loop', 'constant-voltage' (infos), 'clipped' (warning).
+    Findings have the codes 'open-loop' and 'constant-voltage' (infos) and 'clipped' (warning).
+
+    Args:
+        settings: values of the rows of `WAVE`, in SI.
 
     Raises:
-        DermisError: a device that no waveform drives; a setting out of range; no samples, too many, or times that are
-            no regular grid; a value that is not finite; a voltage beyond full scale that may not be clipped; an offset
-            that takes the voltage beyond the channel's limit.
+        DermisError: no waveform drives the device; a setting is out of range; there are no samples or too many; the
+            times are no regular grid; the rates have no simple ratio; a value is not finite; the carrier is outside the
+            channel's range, too high for the rate, or given for a voice coil; full scale is 0 and the channel has no
+            limit; a voltage is beyond full scale and may not be clipped; the offset takes the voltage beyond the
+            channel's limit.
     """
     where = f"track of '{track.meta.get('finger', track.spec.key)}'"
     said = {name: row.of(settings, "WAV") for name, row in WAVE.items()}
@@ -166,7 +178,7 @@ def dumps(track: CommandTrack, wave: Wave) -> bytes:
     """Return the file's bytes; equal tracks and settings give equal bytes.
 
     Raises:
-        DermisError: a kind of device or a key that the header cannot hold.
+        DermisError: the header cannot hold the kind of device, a key or a value.
     """
     scaled = np.clip(wave.volts / wave.limit, -1.0, 1.0) * COUNTS
     data = np.rint(scaled).astype("<i4").view(np.uint8).reshape(-1, 4)[:, :3].tobytes()
@@ -177,7 +189,7 @@ def dumps(track: CommandTrack, wave: Wave) -> bytes:
         b"INAM": f"{owner}{track.spec.name}",
         b"ISBJ": subject,
         b"ISFT": f"Dermis {version()}",
-        b"ICMT": text_of(header, ascii_only=True),  # which every reader of INFO takes
+        b"ICMT": text_of(header, ascii_only=True),  # ASCII, which every reader of INFO chunks accepts
     }
     info = b"INFO" + b"".join(_chunk(key, _ascii(text) + b"\0") for key, text in entries.items())
     form = struct.pack("<HHIIHH", 1, 1, wave.rate, 3 * wave.rate, 3, 24)
@@ -230,7 +242,10 @@ def _check_grid(track: CommandTrack, up: float, where: str) -> None:
 
 
 def _range(channel: Channel, track: CommandTrack) -> tuple[float, float]:
-    """Return the range that interpolated values keep: the channel's, or that of a forced track's samples."""
+    """Return the lowest and the highest value that interpolation may give.
+
+    They are the limits of the channel. If samples of a forced track are outside the limits, the range extends to them.
+    """
     values = track.column(channel.name)
     low = -np.inf if channel.low is None else min(channel.low, float(values.min()))
     return low, np.inf if channel.high is None else max(channel.high, float(values.max()))
@@ -249,7 +264,14 @@ def _limit(channel: Channel, place: str) -> float:
 
 
 def _phase(track: CommandTrack, channel: Channel, fixed: float, up: Any, rate: int, where: str) -> Array:
-    """Return the phase at every sample [rad], 0 at the first."""
+    """Return the phase at every sample of the file [rad], 0 at the first.
+
+    Args:
+        channel: the track's channel of the carrier frequency.
+        fixed: frequency to use instead of the channel [Hz]; 0 for the channel.
+        up: samples of the file for each sample of the track.
+        rate: rate of the file [Hz].
+    """
     place, (low, high) = f"{where}, {channel.name}", _range(channel, track)
     if fixed:
         if not low <= fixed <= high:
@@ -278,11 +300,14 @@ def _phase(track: CommandTrack, channel: Channel, fixed: float, up: Any, rate: i
 
 
 def _check_offset(volts: Array, offset: float, channel: Channel, place: str) -> None:
-    """Refuse an offset that takes the voltage beyond the device's limit, whatever the chain can give."""
+    """Raise an error if the offset takes the voltage beyond the limit.
+
+    The limit is that of the channel, even if full scale is higher.
+    """
     if not offset or channel.high is None:
         return
     peak = float(np.abs(volts).max())
-    # a forced track may be beyond the limit by itself: that was decided when it was forced
+    # A forced track may be beyond the limit without an offset. Then no offset is allowed, but the track is.
     if peak + abs(offset) > max(channel.high, peak) * (1 + SLACK):
         raise DermisError(
             "the offset takes the voltage beyond the channel's limit",
@@ -294,10 +319,10 @@ def _check_offset(volts: Array, offset: float, channel: Channel, place: str) -> 
 
 
 def _beyond(volts: Array, limit: float, rate: int, clip: bool, channel: Channel, place: str) -> list[Finding]:
-    """Return a finding where samples will be clipped.
+    """Return a finding if samples have to be clipped, otherwise an empty list.
 
     Raises:
-        DermisError: some are beyond full scale, and may not be clipped.
+        DermisError: samples are beyond full scale, and may not be clipped.
     """
     rows = np.flatnonzero(np.abs(volts) > limit * (1 + SLACK))
     if not len(rows):

@@ -1,7 +1,8 @@
-"""Checks before a track leaves as a file or on a wire, beyond the track's own.
+"""Checks of a track before it is exported or streamed.
 
-A device preset may state, for a channel, `acceleration.CHANNEL` [unit/s^2], `bandwidth.CHANNEL` [Hz] and
-`resolution.CHANNEL` [unit] among its parameters. A quantity that it does not state is not judged.
+They extend `CommandTrack.check`. Among its parameters, a device preset may state three limits of a channel:
+`acceleration.CHANNEL` [unit/s^2], `bandwidth.CHANNEL` [Hz] and `resolution.CHANNEL` [unit]. A limit that is not stated
+is not checked.
 """
 
 from __future__ import annotations
@@ -20,18 +21,21 @@ if TYPE_CHECKING:
     from ..devices.spec import DeviceSpec
     from ..presets import Library
 
-SLACK = 1e-6  # of an acceleration: second differences of nine digits
-ABOVE = 0.01  # part of a channel's power above its bandwidth that is worth a word
+SLACK = 1e-6  # relative tolerance of an acceleration: second differences of values that are rounded to nine digits
+ABOVE = 0.01  # largest share of a channel's power above its bandwidth that gives no warning
 
 
 def findings_of(track: CommandTrack, *, levels: int | None = None) -> tuple[Finding, ...]:
-    """Return everything that is to be said before a track leaves, the track's own check included.
+    """Return the findings about a track, those of its own check included.
 
     Codes beyond `CommandTrack.check`: 'acceleration', 'no-range' (errors), 'bandwidth', 'coarse',
     'quantisation' (warnings).
 
     Args:
-        levels: how many counts the format gives a channel's range; None: the format does not quantise.
+        levels: number of counts that the format has for the range of a channel; None if the format does not quantise.
+
+    Raises:
+        DermisError: the preset states a limit that is not a number above zero.
     """
     found = list(track.check())
     if len(track.times) and np.isfinite(track.values).all() and (np.diff(track.times) > 0).all():
@@ -43,13 +47,14 @@ def findings_of(track: CommandTrack, *, levels: int | None = None) -> tuple[Find
 
 
 def preset_findings(track: CommandTrack, library: Library, key: str = "") -> tuple[Finding, ...]:
-    """Return where a track and the preset that its device has here do not agree.
+    """Return the differences between a track and its device's preset.
 
-    Codes: 'no-preset' (info, or a warning where there is one that cannot be read), 'other-preset', 'other-limits'
-    (warnings), 'other-channels' (error).
+    Codes: 'no-preset' (an info if the library has no such preset, a warning if the preset cannot be read),
+    'other-preset', 'other-limits' (warnings), 'other-channels' (error).
 
     Args:
-        key: key of the preset, if not the track's own.
+        library: presets on this computer.
+        key: key of the preset; empty for the key that the track states.
     """
     where = f"device preset '{key or track.spec.key}'"
     preset = _preset(track, library, key)
@@ -109,9 +114,11 @@ def preset_findings(track: CommandTrack, library: Library, key: str = "") -> tup
 
 
 def by_preset(track: CommandTrack, library: Library) -> CommandTrack:
-    """Return a track with the limits of the preset that its device has here, not those that its file states.
+    """Return a track with the limits of its device's preset.
 
-    Where there is no such preset, or none of a channel's name and unit, the file's own stay.
+    They replace the limits that the track's file states. A channel keeps the limits of the file if the preset has no
+    channel of the same name and unit. The track is not changed if the library has no such preset, or if the preset
+    cannot be read. Values, times and rate always stay.
     """
     preset = _preset(track, library)
     if preset is None or isinstance(preset, DermisError):
@@ -119,7 +126,8 @@ def by_preset(track: CommandTrack, library: Library) -> CommandTrack:
     theirs = {(c.name, c.unit): c for c in preset.channels}
     channels = tuple(theirs.get((c.name, c.unit), c) for c in track.spec.channels)
     parameters = dict(preset.parameters)
-    if not {c.name for c in preset.channels} <= {c.name for c in channels}:  # a round range names channels
+    # The round range may name a channel that the track does not have.
+    if not {c.name for c in preset.channels} <= {c.name for c in channels}:
         parameters = {k: v for k, v in parameters.items() if not k.startswith("range_disc")}
     spec = replace(preset, rate=track.spec.rate, channels=channels, parameters=parameters)
     return replace(track, spec=spec)
@@ -169,7 +177,7 @@ def _spectrum(track: CommandTrack, column: int) -> Iterator[Finding]:
     values: Array = track.values[:, column]
     if limit is None or len(values) < 8 or np.ptp(values) == 0:
         return
-    # A window keeps a step between the ends, which nobody plays, out of the spectrum.
+    # The discrete Fourier transform sees a step from the last value to the first. The window suppresses it.
     power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
     step = track.duration / (len(values) - 1)
     share = float(power[np.fft.rfftfreq(len(values), step) > limit].sum() / power.sum()) if power.sum() else 0.0

@@ -1,4 +1,4 @@
-"""One door for all formats: check, refuse or force, write; read whatever it is."""
+"""Writing and reading of tracks in all formats, and ranges of tracks."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NO_SETTINGS: Mapping[str, Any] = MappingProxyType({})
 
 
 class EmptyRange(DermisError):
-    """A range without duration, or one so short that no sample of the track lies in it."""
+    """Error for a range without duration or without a sample of the track."""
 
 
 def write(
@@ -33,16 +33,19 @@ def write(
     force: bool = False,
     settings: Mapping[str, Any] = NO_SETTINGS,
 ) -> tuple[Finding, ...]:
-    """Check a track and write it in one of the `FORMATS`; return the findings of both.
+    """Check a track and write it in one of the `FORMATS`; return all findings.
 
-    A track with errors is refused. Forced, it is written as it is, with the codes under `forced` in its header.
+    The findings are those of the check and of the format.
 
     Args:
-        settings: settings of the format, in SI, by name; defaults for those left out.
+        form: name of the format in `FORMATS`.
+        force: whether a track with errors is written. It is written as it is, and the entry `forced` of its header
+            has the codes of the errors.
+        settings: settings of the format, in SI, by name; settings that are left out have their defaults.
 
     Raises:
-        DermisError: an unknown format or setting; errors and no force; content that the format cannot hold; the file
-            system.
+        DermisError: the format or a setting is unknown; the track has errors and `force` is False; the format cannot
+            hold the track; the file cannot be written.
     """
     entry = format_of(form)
     strange = sorted(set(settings) - set(entry.settings))
@@ -71,10 +74,10 @@ def write(
 
 
 def read(path: Path) -> CommandTrack:
-    """Read a CSV, JSON or binary track, whatever its name says.
+    """Read a CSV, JSON or binary track; the file's content tells the format.
 
     Raises:
-        DermisError: none of them, or not well formed.
+        DermisError: the file cannot be read, has none of these formats, or is not well formed.
     """
     with opened(path) as (file, _):
         first = file.read(200)
@@ -95,7 +98,7 @@ def format_of(form: str) -> Format:
     """Return a format by its name.
 
     Raises:
-        DermisError: there is none of that name.
+        DermisError: there is no format of this name.
     """
     if form not in FORMATS:
         raise DermisError("no such format", value=form, limit=", ".join(FORMATS))
@@ -103,10 +106,11 @@ def format_of(form: str) -> Format:
 
 
 def cut(track: CommandTrack, first: float, last: float, *, name: str = "") -> CommandTrack:
-    """Return the part of a track between two times [s], both included, as a track that starts at 0 s.
+    """Return the part of a track between two times; it starts at 0 s.
 
     Args:
-        name: name of the range, stored as `range` in the meta data.
+        first, last: times of the track at which the part begins and ends [s], both included.
+        name: name of the range; stored as `range` in `meta` if it is not empty.
 
     Raises:
         EmptyRange: the range has no duration, or no sample lies in it.
@@ -114,7 +118,7 @@ def cut(track: CommandTrack, first: float, last: float, *, name: str = "") -> Co
     """
     where = f"range '{name}'" if name else "range"
     rate = track.spec.rate
-    # A sampled sweep ends at its last whole sample, up to one sample before the end of the range.
+    # A track's last sample may be up to one sample before the end of the scene's range, so the part may end as late.
     early, late = 0.5 / rate, (1 - 1e-6) / rate
     if not (np.isfinite(first) and np.isfinite(last) and last > first):
         raise EmptyRange("the range is empty", where=where, value=f"{first:g} to {last:g} s")

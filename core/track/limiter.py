@@ -1,4 +1,4 @@
-"""Limiting of commands to the abilities of a device: values, round ranges, speed. Every sample changed is counted."""
+"""Limiter: commands limited to the ranges and speeds of a device."""
 
 from __future__ import annotations
 
@@ -10,22 +10,25 @@ from ..devices.spec import DeviceSpec, range_disc
 from ..following import follow
 from ..interpolate import smoothstep
 
-# Nine digits in a file move a value by up to half a unit of its ninth digit; a step between two by twice that.
+# Relative tolerance of a value: nine digits in a file are off by up to half a unit of the ninth digit.
+# A step between two values is off by up to twice as much.
 DIGITS = 5e-9
-SLEW_SLACK = 1e-9  # of the largest step: rounding in times and sums
+SLEW_SLACK = 1e-9  # relative tolerance of the largest step, since times and sums are rounded
 
 
 class Limiter:
-    """Applies limits in turn to a copy of the values, and counts the samples that each of them changed.
+    """A copy of command values to which limits are applied one by one.
+
+    Each method applies one limit and counts the samples that the limit changes.
 
     Args:
-        spec: channels with their limits.
-        times: [s], rising, shape (n,).
-        values: shape (n, channels).
+        spec: device whose channels state the limits.
+        times: time of each sample [s], strictly increasing, shape (n,).
+        values: one column for each channel, in its unit, shape (n, channels).
 
     Attributes:
-        values: as limited so far.
-        counts: per 'channel.kind', for every limit that was looked at, changed or not.
+        values: values after the limits that were applied so far, shape (n, channels).
+        counts: number of samples that a limit changed, by 'CHANNEL.KIND'; it may be 0.
     """
 
     def __init__(self, spec: DeviceSpec, times: Array, values: Array) -> None:
@@ -34,7 +37,10 @@ class Limiter:
         self.counts: dict[str, int] = {}
 
     def hold_finite(self) -> None:
-        """Replace values that are not finite by the last finite value of the channel, at the start by its rest."""
+        """Replace values that are not finite by the channel's last finite value.
+
+        Before the first finite value of a channel, its rest value is used.
+        """
         finite = np.isfinite(self.values)
         if finite.all():
             return
@@ -48,7 +54,12 @@ class Limiter:
                 self._count(channel.name, "not_finite", int(bad.sum()))
 
     def ramp(self, seconds_in: float, seconds_out: float) -> None:
-        """Blend from rest at the start and to rest at the end, with a smooth step of the given lengths [s]."""
+        """Blend the start and the end with the rest values by a smooth step.
+
+        Args:
+            seconds_in: duration of the ramp at the start [s].
+            seconds_out: duration of the ramp at the end [s].
+        """
         weight = np.ones(len(self.times))
         if seconds_in > 0:
             weight = np.minimum(weight, smoothstep((self.times - self.times[0]) / seconds_in))
@@ -60,7 +71,7 @@ class Limiter:
             self._replace(i, channel.name, "ramp", blended[:, i])
 
     def range(self) -> None:
-        """Hold every channel between its low and its high."""
+        """Clip every channel to the range from its low to its high."""
         channels = self.spec.channels
         low = np.array([-np.inf if c.low is None else c.low for c in channels])
         high = np.array([np.inf if c.high is None else c.high for c in channels])
@@ -73,7 +84,10 @@ class Limiter:
                 self.values[:, i] = held[:, i]
 
     def disc(self) -> None:
-        """Pull pairs that share a round range back to its rim, along their radius."""
+        """Move values outside the round range of two channels to its rim.
+
+        They are moved along the radius.
+        """
         pair = range_disc(self.spec)
         if pair is None:
             return
@@ -90,7 +104,13 @@ class Limiter:
             self._replace(column, self.spec.channels[column].name, "disc", values)
 
     def slew(self, start_at_rest: bool) -> None:
-        """Follow the values no faster than each channel can; a pair with a round range keeps its direction."""
+        """Limit the speed of every channel to its largest speed.
+
+        Two channels with a round range move along a straight line, so both are slowed down by the same factor.
+
+        Args:
+            start_at_rest: True if the device is at rest at the first sample and moves to the track from there.
+        """
         pair = range_disc(self.spec)
         groups = [[i] for i in range(len(self.spec.channels)) if pair is None or i not in pair[:2]]
         if pair is not None:
@@ -110,7 +130,7 @@ class Limiter:
             for k, channel in enumerate(channels):
                 if channel.slew is not None:
                     self._replace(group[k], channel.name, "slew", followed[:, k])
-                else:  # moved along by the other of the pair
+                else:  # slowed down by the other channel of the pair
                     self._replace(group[k], channel.name, "slew_of_pair", followed[:, k])
 
     def _replace(self, column: int, name: str, kind: str, values: Array) -> None:
@@ -125,16 +145,18 @@ class Limiter:
 
 
 def within_slews(times: Array, target: Array, slews: Array, start: Array | None = None) -> Array:
-    """Follow a target no faster than allowed, on a straight line where several columns go together.
+    """Return the values with which a device follows a target at limited speed.
+
+    All columns are slowed down by the same factor, so that they move along a straight line to the target.
 
     Args:
-        times: [s], rising, shape (n,).
-        target: shape (n, columns).
-        slews: largest change a second of each column, shape (columns,).
-        start: value at the first time; None: the target's own.
+        times: [s], strictly increasing, shape (n,).
+        target: values to be followed, shape (n, columns).
+        slews: largest change of each column per second, shape (columns,).
+        start: values at the first time, shape (columns,); None for those of the target.
 
     Returns:
-        Shape (n, columns); equal to the target wherever it can be reached.
+        Shape (n, columns); equal to the target wherever the target can be reached.
     """
     steps = np.diff(times)[:, None] * slews
     leaps = np.flatnonzero(_leaps(target, steps).any(axis=1)) + 1
@@ -152,5 +174,10 @@ def within_slews(times: Array, target: Array, slews: Array, start: Array | None 
 
 
 def _leaps(target: Array, steps: Array) -> NDArray[np.bool_]:
-    """Return where a target, shape (n, columns), changes by more than steps allow, shape (n - 1, columns)."""
+    """Return which changes of a target are too large, shape (n - 1, columns).
+
+    Args:
+        target: values, shape (n, columns).
+        steps: largest change from each row to the next, shape (n - 1, columns).
+    """
     return np.asarray(np.abs(np.diff(target, axis=0)) > steps * (1 + SLEW_SLACK))

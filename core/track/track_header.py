@@ -1,4 +1,7 @@
-"""What JSON and binary tracks say before their samples; rebuilt and judged by the rules of the CSV header."""
+"""Header of JSON, binary and WAV tracks: the whole track but its samples.
+
+JSON and binary tracks are read back. Their headers are checked by the rules of the CSV header.
+"""
 
 from __future__ import annotations
 
@@ -15,16 +18,19 @@ from .command_track import MAX_SAMPLES, CommandTrack
 from .csv_header import count, spec_of
 from .known_keys import KEY, check_known, check_limited, check_meta, is_own
 
-LIMITS = ("low", "high", "slew", "rest", "actuator")
-FIELDS = ("schema", "device", "channels", "times", "meta", "limited")
-DEVICE = ("key", "name", "kind", "rate", "spec_hash", "parameters", "wire")
+LIMITS = ("low", "high", "slew", "rest", "actuator")  # fields of a channel besides its name and unit
+FIELDS = ("schema", "device", "channels", "times", "meta", "limited")  # fields of every header
+DEVICE = ("key", "name", "kind", "rate", "spec_hash", "parameters", "wire")  # fields of `device`
 
 
 def header_of(track: CommandTrack, schema: str) -> dict[str, Any]:
-    """Return everything but the samples as plain JSON values.
+    """Return the header of a track as plain JSON values.
+
+    Args:
+        schema: name and version of the file's format.
 
     Raises:
-        DermisError: a kind of device, a key or a limit that the readers would refuse.
+        DermisError: readers would refuse the kind of device, an entry of `meta` or a key of `limited`.
     """
     check_known(track, f"track of '{track.meta.get('finger', track.spec.key)}'")
     spec = track.spec
@@ -47,7 +53,10 @@ def header_of(track: CommandTrack, schema: str) -> dict[str, Any]:
 
 
 def times_of(track: CommandTrack) -> dict[str, Any]:
-    """Return the times as a grid where they are one, to the last bit; otherwise only their number."""
+    """Return the field `times` of a header: the number of samples, and a grid.
+
+    The grid is stated only if it gives the times to the last bit: sample k is at (first + k) / rate seconds.
+    """
     times, rate = track.times, float(track.spec.rate)
     grid: dict[str, Any] = {"count": len(times)}
     if len(times):
@@ -58,24 +67,33 @@ def times_of(track: CommandTrack) -> dict[str, Any]:
 
 
 def text_of(header: Mapping[str, Any], *, ascii_only: bool = False) -> str:
-    """Write a header as JSON; equal headers give equal text.
+    """Return a header as JSON text; equal headers give equal text.
 
     Args:
-        ascii_only: other characters become escapes.
+        ascii_only: whether characters outside ASCII are written as escapes.
 
     Raises:
-        DermisError: a number that is not finite, or a setting that JSON has no form for.
+        DermisError: a number is not finite, or JSON cannot hold a value.
     """
     try:
         text = json.dumps(header, ensure_ascii=ascii_only, allow_nan=False, sort_keys=True)
-        text.encode("utf-8")  # half a character, which CSV escapes, has no form here
+        text.encode("utf-8")  # fails for half of a surrogate pair, which only CSV can hold
         return text
     except (TypeError, ValueError) as error:
         raise DermisError("a setting that the file cannot hold", where="track", value=str(error)) from error
 
 
 def check_schema(header: Any, schema: str, extra: tuple[str, ...], where: str) -> dict[str, Any]:
-    """Refuse another schema, a newer version, and fields missing or unknown."""
+    """Return a header from a file if it has the right schema and fields.
+
+    Args:
+        header: value that was read from JSON.
+        schema: name and version of the file's format.
+        extra: names of the fields besides `FIELDS`.
+
+    Raises:
+        DermisError: the header is no object, has another schema or a newer version, or fields are missing or unknown.
+    """
     if not isinstance(header, dict):
         raise DermisError("not a track", where=where, value=type(header).__name__, limit="a JSON object")
     found = header.get("schema")
@@ -93,10 +111,14 @@ def check_schema(header: Any, schema: str, extra: tuple[str, ...], where: str) -
 
 
 def track_of(header: Mapping[str, Any], times: Array, values: Array, where: str) -> CommandTrack:
-    """Rebuild a track from its header and samples.
+    """Return a track from its header and samples.
+
+    Args:
+        times: [s], shape (n,).
+        values: one column for each channel, in its unit, shape (n, channels).
 
     Raises:
-        DermisError: the header is not well formed, or does not fit the samples.
+        DermisError: the header is not well formed or does not fit the samples, or the times do not rise.
     """
     device = _mapping(header["device"], f"{where}, device")
     _keys(device, DEVICE, f"{where}, device")
@@ -149,7 +171,13 @@ def track_of(header: Mapping[str, Any], times: Array, values: Array, where: str)
 
 
 def grid_of(header: Mapping[str, Any], where: str) -> tuple[int, Array | None]:
-    """Return the number of samples, and their times where they are a grid."""
+    """Return the number of samples, and the times that a header states.
+
+    The times [s] have the shape (n,). They are None if the header states no grid.
+
+    Raises:
+        DermisError: the number or the grid is invalid, or a grid has too many samples.
+    """
     times = _mapping(header["times"], f"{where}, times")
     number = count(json.dumps(times.get("count")), f"{where}, times count")
     if set(times) == {"count"}:
@@ -169,10 +197,10 @@ def grid_of(header: Mapping[str, Any], where: str) -> tuple[int, Array | None]:
 
 
 def check_finite(track: CommandTrack) -> None:
-    """Refuse tracks that no format can store: values or times that are not finite, or times that do not rise.
+    """Raise an error for a track that no format can store.
 
     Raises:
-        DermisError: as said.
+        DermisError: a time or a value is not finite, or the times do not rise.
     """
     where = f"track of '{track.meta.get('finger', track.spec.key)}'"
     if not np.isfinite(track.times).all() or not np.isfinite(track.values).all():

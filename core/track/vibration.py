@@ -1,8 +1,8 @@
-"""Vibration: how strong and how fast a voice coil's track vibrates, as phones and game controllers are told it.
+"""Vibration: amplitude and frequency of a voice coil's track over time.
 
-Such files know no waveform: they have an amplitude and a frequency over time. Both come from the analytic signal of the
-acceleration that the track asks for, within the band that the coil makes. Curves of few points are within `TOLERANCE`
-of them.
+Haptic files for phones and game controllers have no waveform. They have curves of amplitude and frequency. Both curves
+are computed from the analytic signal of the acceleration of the track's displacement, within the frequency band of the
+coil. Points are then left out, so that the curves change by `TOLERANCE` at most.
 """
 
 from __future__ import annotations
@@ -19,24 +19,26 @@ from ..errors import DermisError
 from .command_track import CommandTrack
 from .track_header import check_finite
 
-TOLERANCE = 0.005  # of full scale, and of the band: how far the curves may be off
-STEP = 1e-3  # [s] between two amplitudes: onsets are told to a millisecond
-WINDOW = 10e-3  # [s] over which a frequency is averaged, with the power as weight
-# Of the largest amplitude: a weaker vibration has no frequency of its own. An analytic signal has some before an onset.
+TOLERANCE = 0.005  # largest change of a curve if points are left out, relative to full scale or to the band's width
+STEP = 1e-3  # [s] interval of the amplitudes, short enough for the time of an onset
+WINDOW = 10e-3  # [s] interval over which a frequency is averaged, with the power as weight
+# Amplitude relative to the largest one up to which a frequency is not used. An analytic signal is not quite zero before
+# an onset, and its frequency there means nothing.
 HARDLY = 0.05
-PAD = 0.25  # [s] of rest on both sides, so that the end of a track does not reach its start
+PAD = 0.25  # [s] constant displacement added at both ends, since the Fourier transform joins the end to the start
 
-Curve = tuple[Array, Array]  # times [s], values, shape (n,) each
+Curve = tuple[Array, Array]  # times [s] and values, shape (n,) each
 
 
 @dataclass(frozen=True)
 class Vibration:
-    """A track's vibration.
+    """Vibration of a track.
 
     Attributes:
-        amplitude: curve of the acceleration's amplitude, 0 to 1 of `full_scale`. frequency: curve [Hz], inside `band`.
-        full_scale: acceleration of full scale [m/s^2].
-        band: frequency band of the coil [Hz].
+        amplitude: curve of the amplitude of the acceleration, divided by `full_scale`, 0 to 1.
+        frequency: curve of the frequency [Hz], inside `band`.
+        full_scale: acceleration for an amplitude of 1 [m/s^2].
+        band: lowest and highest frequency of the coil [Hz].
         duration: duration of the track [s].
     """
 
@@ -48,19 +50,20 @@ class Vibration:
 
     @property
     def said(self) -> str:
-        """Description of the values in a file."""
+        """Description of full scale and band for the files."""
         low, high = self.band
         return f"1 is an acceleration of {self.full_scale:.6g} m/s^2, peak; {low:g} to {high:g} Hz"
 
 
 def vibration_of(track: CommandTrack) -> Vibration:
-    """Return how strong and how fast a voice coil's track vibrates.
+    """Return amplitude and frequency of a voice coil's track over time.
 
-    Full scale is the acceleration that the coil makes at each frequency of its band at the limit of its voltage, or
-    the track's largest where that is more.
+    Full scale is the acceleration that the coil can reach at every frequency of its band with the largest voltage. If
+    the track has a larger acceleration, full scale is the largest acceleration of the track.
 
     Raises:
-        DermisError: another device, no samples, times that are no regular grid, or a value that is not finite.
+        DermisError: the device is no voice coil, there are fewer than two samples, the times are no regular grid, or a
+            value is not finite.
     """
     where = f"track of '{track.meta.get('finger', track.spec.key)}'"
     kind = KINDS.get(track.spec.kind)
@@ -102,9 +105,15 @@ def vibration_of(track: CommandTrack) -> Vibration:
 
 
 def thinned(times: Array, values: Array, tolerance: float) -> Curve:
-    """Return few of a curve's points, between which straight lines are within a tolerance of all others.
+    """Return a curve with fewer points, within a tolerance of all points.
 
-    Points are left out while one line from the last that was kept can pass all of them (a swinging door).
+    Points are left out while a straight line from the last kept point passes all of them within the tolerance (the
+    swinging door algorithm).
+
+    Args:
+        times: [s], increasing, shape (n,).
+        values: shape (n,).
+        tolerance: largest difference between the returned curve and a point, in the unit of the values.
     """
     kept, k = [0], 1
     above, below = np.inf, -np.inf
@@ -129,7 +138,13 @@ def thinned(times: Array, values: Array, tolerance: float) -> Curve:
 
 
 def _analytic(displacement: Array, rate: float, band: tuple[float, float]) -> Any:
-    """Return the analytic signal of the acceleration inside a band [m/s^2], complex, shape (n,)."""
+    """Return the analytic signal of the acceleration [m/s^2], shape (n,).
+
+    Args:
+        displacement: [m], shape (n,).
+        rate: samples per second [Hz].
+        band: lowest and highest frequency that is kept [Hz].
+    """
     pad = round(PAD * rate)
     whole = np.pad(displacement, pad, mode="edge")
     frequency = np.fft.fftfreq(len(whole), 1.0 / rate)
@@ -139,7 +154,15 @@ def _analytic(displacement: Array, rate: float, band: tuple[float, float]) -> An
 
 
 def _frequency(wave: Any, rate: float) -> Curve:
-    """Return times [s] and the frequency [Hz] of an analytic signal around them; held where there is hardly any."""
+    """Return the frequency of an analytic signal over time [Hz].
+
+    It is averaged over intervals of `WINDOW`, and the times are the middles of the intervals. An interval with hardly
+    any vibration has the frequency of the last interval with more, or of the first one if there is none before.
+
+    Args:
+        wave: analytic signal, complex, shape (n,).
+        rate: samples per second [Hz].
+    """
     power = np.abs(wave[1:] * wave[:-1])
     hertz = np.angle(wave[1:] * np.conj(wave[:-1])) * rate / (2.0 * np.pi)
     size = max(round(WINDOW * rate), 1)

@@ -1,1 +1,4 @@
-"""Effects of a tactor without a skin: transient, texture, weight, content, patterns; and reliefs under a screen."""
+"""Effects of a tactor without a skin, and reliefs under a screen.
+
+The effects of a tactor are contact transient, texture, weight, content and patterns.
+"""

@@ -1,8 +1,8 @@
-"""Moving contents of a held object: a child object, a pendulum, a liquid, a loose body.
+"""Moving contents of a held object: pendulum, liquid, loose body.
 
-The built-in contents are integrated at the device's own rate from rest at the first time, each by a rule that keeps
-its invariants: the pendulum its length and, undamped, its energy; the liquid is an exact linear recursion; the
-loose body flies in exact parabolas from wall to wall.
+A child object may be a content too. The built-in contents start at rest at the first time and are integrated at the
+device's rate. The pendulum keeps its length exactly. Without damping it also keeps its energy, to second order and
+without drift. The liquid is an exact linear recursion. The loose body flies in exact parabolas from wall to wall.
 
 Source: [S3] eq. 5; the built-in bodies are decisions of Dermis
 """
@@ -17,15 +17,17 @@ from ..arrays import Array
 from ..errors import DermisError
 from ..memory import Carry
 
-# Bounces within one step; a body that would bounce more often lies still until the next.
+# Largest number of bounces in one step. A body that would bounce more often stays at the wall until the next step.
 MAX_BOUNCES = 8
 
 
 def displacement(offset: Array, amplitude: float | Array) -> Array:
-    """Return d = alpha_gamma oc, as a fraction of the device's range, shape (n, 3).
+    """Return the displacement d = alpha_gamma oc, shape (n, 3).
+
+    It is a fraction of the device's range.
 
     Args:
-        offset: oc, from the object's centre of gravity to the content's [m], in world axes, shape (n, 3).
+        offset: oc, vector from the object's centre of gravity to that of the content [m], in world axes, shape (n, 3).
         amplitude: alpha_gamma [1/m], one number or shape (n,).
 
     Source: [S3] eq. 5
@@ -36,32 +38,34 @@ def displacement(offset: Array, amplitude: float | Array) -> Array:
 def pendulum(
     times: Array, acceleration: Array, gravity: Array, length: float, damping: float, carry: Carry | None = None
 ) -> Array:
-    """Return the offset of a point mass that hangs on a rod from a moving pivot [m], in world axes, shape (n, 3).
+    """Return the offset of a pendulum's mass from its moving pivot [m].
 
-    Kicks by gravity and the pivot's acceleration alternate with exact arcs on the sphere (Strang splitting): the
-    length is kept exactly, the energy of an undamped swing to second order without drift. Starts hanging at rest.
+    The offset is in world axes, shape (n, 3). A point mass hangs on a rod, at rest at the first time. Kicks by gravity
+    and by the pivot's acceleration alternate with exact arcs on the sphere (Strang splitting). The length is kept
+    exactly, and the energy of an undamped swing is kept to second order, without drift.
 
     Args:
-        times: equally spaced [s], shape (n,).
+        times: equally spaced times [s], shape (n,).
         acceleration: acceleration of the pivot [m/s^2], shape (n, 3).
-        gravity: [m/s^2], shape (3,); must not be 0.
-        length: [m]. damping: ratio to the critical damping of a small swing.
-        carry: how it goes on from a window of times before, and into the next; None: from rest.
+        gravity: gravity [m/s^2], shape (3,); not zero.
+        length: length of the rod [m].
+        damping: ratio to the critical damping of a small swing.
+        carry: state from the window of times before, and for the next window; None to start at rest.
 
     Raises:
-        DermisError: no gravity, a length that is not above 0, or a damping below 0.
+        DermisError: gravity is zero, the length is not above 0, or the damping is below 0.
     """
     g = float(np.sqrt(np.dot(gravity, gravity)))
     _check(length, damping, g)
     step = _step(times)
-    places: list[float] = []  # three a sample: a list takes a fifth of the time that rows of an array do
+    places: list[float] = []  # three per sample; a list takes a fifth of the time of rows of an array
     ux, uy, uz = (float(v) / g for v in gravity)
     wx = wy = wz = 0.0
     keep = math.exp(-2.0 * damping * math.sqrt(g / length) * step)
     impulses = (np.asarray(gravity) - acceleration) * (step / length)
     carry = carry or Carry()
     if carry.start is None:
-        impulses[0] *= 0.5  # velocities live between the samples
+        impulses[0] *= 0.5  # velocities are between the samples, so the first kick is half as long
     else:
         ux, uy, uz, wx, wy, wz = carry.start
     sin, cos, sqrt, index = math.sin, math.cos, math.sqrt, carry.index
@@ -70,7 +74,7 @@ def pendulum(
         if k == index:
             carry.found = ux, uy, uz, wx, wy, wz
         wx, wy, wz = wx * keep + ax, wy * keep + ay, wz * keep + az
-        along = wx * ux + wy * uy + wz * uz  # what would stretch the rod, rounding of the arc before included
+        along = wx * ux + wy * uy + wz * uz  # would stretch the rod; includes rounding of the last arc
         wx, wy, wz = wx - along * ux, wy - along * uy, wz - along * uz
         speed = sqrt(wx * wx + wy * wy + wz * wz)
         if speed > 0.0:
@@ -85,7 +89,7 @@ def pendulum(
                 wy * c - uy * back,
                 wz * c - uz * back,
             )
-            # Rounding that leaves the sphere would grow from arc to arc: back to unit length.
+            # Rounding moves the mass off the sphere, which would grow from arc to arc. Restore the unit length.
             unit = 1.5 - 0.5 * (ux * ux + uy * uy + uz * uz)
             ux, uy, uz = ux * unit, uy * unit, uz * unit
     return length * np.array(places).reshape(-1, 3)
@@ -100,23 +104,25 @@ def slosh(
     size: float,
     carry: Carry | None = None,
 ) -> tuple[Array, int]:
-    """Return the offset of a liquid's centre of gravity [m], in world axes, shape (n, 3), and how often it was limited.
+    """Return the offset of a liquid's centre of gravity [m].
 
-    The usual mechanical model of the first sloshing mode: a damped mass on a spring of the frequency of a pendulum of
-    the given length, that moves in the plane perpendicular to gravity. The recursion is exact for an acceleration that
-    is linear between times. The walls limit the offset to `size`.
+    The offset is in world axes, shape (n, 3). The number of samples at which it was limited is returned too.
+
+    The model is the usual mechanical one of the first sloshing mode: a damped mass on a spring that moves in the plane
+    perpendicular to gravity. Its frequency is that of a pendulum of the given length. The recursion is exact for an
+    acceleration that is linear between times. The walls limit the offset to `size`.
 
     Args:
-        times: equally spaced [s], shape (n,).
+        times: equally spaced times [s], shape (n,).
         acceleration: acceleration of the container [m/s^2], shape (n, 3).
         gravity: gravity [m/s^2], shape (3,); not zero.
         length: length of the pendulum with the same frequency [m].
         damping: damping ratio.
         size: half the size of the room [m].
-        carry: how it goes on from a window of times before, and into the next; None: from rest.
+        carry: state from the window of times before, and for the next window; None to start at rest.
 
     Raises:
-        DermisError: no gravity, a length or size that is not above 0, or a damping below 0.
+        DermisError: gravity is zero, the length or the size is not above 0, or the damping is below 0.
     """
     g = float(np.sqrt(np.dot(gravity, gravity)))
     _check(length, damping, g)
@@ -132,15 +138,20 @@ def slosh(
 
 
 def oscillator(step: float, force: Array, omega: float, damping: float, carry: Carry | None = None) -> Array:
-    """Return x of x'' + 2 zeta omega x' + omega^2 x = force from rest, exact for a force linear between steps.
+    """Return the positions of a damped oscillator [m], shape (n, k).
 
-    The recursion is summed by doubling: after j passes every sample knows the last 2^j, in whole-array operations.
+    They solve x'' + 2 zeta omega x' + omega^2 x = force, exactly if the force is linear between samples. The recursion
+    is summed by doubling, with operations on whole arrays: after j passes, each sample includes the effect of the last
+    2^j samples.
 
     Args:
-        step: [s]. force: per mass, shape (n, k). omega: [rad/s]. damping: zeta.
-        carry: how it goes on from a window of times before, and into the next; None: from rest.
+        step: time between samples [s].
+        force: force per mass [m/s^2], shape (n, k).
+        omega: angular frequency without damping [rad/s].
+        damping: zeta, ratio to the critical damping.
+        carry: state from the window of times before, and for the next window; None to start at rest.
     """
-    # Place, speed, force and, as the fourth unknown, the change of force over one step; time in steps.
+    # The unknowns are position, speed, force, and the change of the force over one step. Time is counted in steps.
     system = np.zeros((4, 4))
     system[0, 1] = step
     system[1, :3] = -omega * omega * step, -2.0 * damping * omega * step, step
@@ -164,7 +175,10 @@ def oscillator(step: float, force: Array, omega: float, damping: float, carry: C
 
 
 def exponential(matrix: Array) -> Array:
-    """Return the exponential of a small matrix by scaling, a Taylor series and squaring."""
+    """Return the exponential of a small matrix.
+
+    It is computed by scaling, a Taylor series and squaring.
+    """
     norm = float(np.abs(matrix).sum(axis=1).max())
     halvings = max(0, math.ceil(math.log2(norm)) + 3) if norm > 0.0 else 0
     small = matrix / 2.0**halvings
@@ -187,24 +201,26 @@ def loose(
     size: float,
     carry: Carry | None = None,
 ) -> Array:
-    """Return the offset of a body that flies and bounces in a cubic room [m], in world axes, shape (n, 3).
+    """Return the offset of a body that flies and bounces in a cubic room [m].
 
-    The room is centred on the object's centre of gravity and turns with it. In its frame the body feels gravity, the
-    room's acceleration and the forces of rotation, held over a step at their mean, so it flies in parabolas; a wall
-    turns its speed back by 1 - damping at the exact instant. Walls are smooth. It starts at the centre, at rest with
-    the room.
+    The offset is in world axes, shape (n, 3). The room is centred on the object's centre of gravity and turns with the
+    object. In the frame of the room, gravity, the acceleration of the room and the forces of rotation act on the body.
+    They are constant over a step, at their mean, so the body flies in parabolas. At the exact instant of an impact the
+    speed towards the wall is reversed and multiplied by 1 - damping. Walls have no friction. At first the body is at
+    the centre, at rest in the room.
 
     Args:
-        times: equally spaced [s], shape (n,).
+        times: equally spaced times [s], shape (n,).
         rotation: rotation of the room, shape (n, 3, 3).
         angular_velocity: angular velocity in world axes [rad/s], shape (n, 3).
         acceleration: acceleration of the room's centre [m/s^2], shape (n, 3).
         gravity: gravity [m/s^2], shape (3,).
-        damping: 1 - restitution, 0 to 1. size: half size of the room [m].
-        carry: how it goes on from a window of times before, and into the next; None: from rest.
+        damping: 1 - restitution, 0 to 1.
+        size: half the size of the room [m].
+        carry: state from the window of times before, and for the next window; None to start at rest.
 
     Raises:
-        DermisError: a damping outside 0 to 1, or a size that is not above 0.
+        DermisError: the damping is not between 0 and 1, or the size is not above 0.
     """
     if not 0.0 <= damping <= 1.0:
         raise DermisError("a loose body's damping must lie between 0 and 1", value=damping, limit="0 to 1")
@@ -232,7 +248,7 @@ def loose(
         for i in range(3):
             x, v, a = place[i], speed[i], push[i]
             end = x + step * (v + 0.5 * step * a)
-            # Within the room at the end, and no turning point beyond a wall in between: free flight.
+            # Free flight: the end of the step is inside the room, and so is a turning point on the way.
             if -size < end < size and (v * (v + a * step) >= 0.0 or -size < x - 0.5 * v * v / a < size):
                 place[i], speed[i] = end, v + a * step
             else:
@@ -242,9 +258,18 @@ def loose(
 
 
 def bounce(x: float, v: float, a: float, step: float, size: float, restitution: float) -> tuple[float, float]:
-    """Move a body along one axis between two walls at +-size under a constant push; return place and speed.
+    """Return position and speed of a body after a step between two walls.
 
-    It rests against a wall that it is pushed to when it cannot leave it for as long as a step.
+    The body moves along one axis with constant acceleration. If the acceleration presses it against a wall and it would
+    bounce back to the wall before the end of the step, it rests at the wall, unless the restitution is 1.
+
+    Args:
+        x: position at the start [m].
+        v: speed at the start [m/s].
+        a: acceleration [m/s^2].
+        step: duration of the step [s].
+        size: the walls are at +-size [m].
+        restitution: speed after an impact divided by the speed before it.
     """
     for _ in range(MAX_BOUNCES):
         wall = math.copysign(size, x)
@@ -259,13 +284,16 @@ def bounce(x: float, v: float, a: float, step: float, size: float, restitution: 
 
 
 def _next_wall(x: float, v: float, a: float, size: float) -> tuple[float, float]:
-    """When a body next runs into a wall from inside, and which; inf if never."""
+    """Return the time to the next impact on a wall [s], and the wall [m].
+
+    The time is inf if there is no impact.
+    """
     first, where = math.inf, 0.0
     for wall in (size, -size):
         gap = wall - x
         outward = math.copysign(1.0, wall)
         if gap * outward <= 0.0 and (v * outward > 0.0 or (v == 0.0 and a * outward > 0.0)):
-            return 0.0, wall  # at this wall already and on its way out
+            return 0.0, wall  # already at this wall, and moving or pushed outwards
         discriminant = v * v + 2.0 * a * gap
         if discriminant < 0.0:
             continue
@@ -279,7 +307,15 @@ def _next_wall(x: float, v: float, a: float, size: float) -> tuple[float, float]
 
 
 def _turning(push: list[float], w: list[float], dw: list[float], r: list[float], v: list[float]) -> list[float]:
-    """Add the centrifugal, Coriolis and Euler forces of a turning frame, per mass."""
+    """Return the acceleration of a body in a turning frame [m/s^2].
+
+    Args:
+        push: acceleration without the forces of rotation [m/s^2].
+        w: angular velocity of the frame [rad/s].
+        dw: angular acceleration of the frame [rad/s^2].
+        r: position of the body in the frame [m].
+        v: velocity of the body in the frame [m/s].
+    """
     (wx, wy, wz), (dx, dy, dz), (x, y, z), (vx, vy, vz) = w, dw, r, v
     wr, ww = wx * x + wy * y + wz * z, wx * wx + wy * wy + wz * wz
     return [

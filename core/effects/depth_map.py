@@ -1,4 +1,7 @@
-"""Depth maps: heights over a touch screen, read, repaired, and every repair reported."""
+"""Depth maps: heights over a touch screen, read and repaired.
+
+Every repair is reported as a finding.
+"""
 
 from __future__ import annotations
 
@@ -14,20 +17,22 @@ from .. import images
 from ..errors import DermisError, Finding
 from .map_repair import MapRepair, Meaning, NoData, Steps, number_of
 
-FINEST_WHITE = 1 << 16  # levels of the finest format whose largest number is white
-SMALLEST_UNIT, LARGEST_UNIT = 1e-12, 1e3  # [m] of one stored number, atoms to hills
-LEAST_OF_RANGE = 256  # numbers below this part of their type's range are not scaled to it
+FINEST_WHITE = 1 << 16  # levels of the finest format whose largest number is always white
+SMALLEST_UNIT, LARGEST_UNIT = 1e-12, 1e3  # [m] bounds of the length that 1 in a file may stand for
+# Numbers of finer formats are lengths if all are below the type's range divided by this.
+LEAST_OF_RANGE = 256
 
 
 @dataclass(frozen=True, eq=False)
 class DepthMap:
-    """Heights towards the viewer, ready for `core.scene.tactile_scene.Screen.height_map`.
+    """Heights towards the viewer for `core.scene.tactile_scene.Screen`.
 
     Attributes:
-        heights: row 0 at the bottom, float32, shape (rows, columns), or (k, rows, columns) for a sequence.
+        heights: values for `Screen.height_map`, row 0 at the bottom, float32, shape (rows, columns), or (k, rows,
+            columns) for a sequence.
         findings: repairs and warnings.
-        height_unit: metres that one unit of the heights stands for, as `Screen.height_unit`; 0 where nobody said.
-        holes: where heights were filled in, booleans of the same shape; None where there were no holes.
+        height_unit: length of one unit of the heights [m], for `Screen.height_unit`; 0 if it is not known.
+        holes: pixels whose heights were filled in, booleans, same shape as `heights`; None if there were no holes.
     """
 
     heights: NDArray[np.float32]
@@ -44,25 +49,27 @@ def read(
     steps: Steps = "smooth",
     unit: float | None = None,
 ) -> DepthMap:
-    """Read an image file, or several as a sequence in the order given.
+    """Read heights from an image file, or from a sequence of image files.
 
-    Whole-number formats run from 0 (black) to 1 (white); PFM and floating NPY are taken as stored. Whole numbers of 32
-    or 64 bits that use next to nothing of their range are measures, with no white: they need a unit.
+    Whole numbers are scaled, so that 0 is black and 1 is white. PFM and floating-point NPY files are taken as stored.
+    Whole numbers of 32 or 64 bits that use less than 1/256 of their range are lengths. They need a unit.
 
     Args:
-        source: a path, or paths (`core.images.sequence` finds the numbered ones that follow one).
+        source: a path, or the paths of a sequence in order (`core.images.sequence` finds the files of a sequence).
         meaning: 'height' towards the viewer, or 'depth' away from the viewer, which is negated.
-        no_data: the number, as the file stores it, that stands for 'nothing measured', such as -9999; or several, such
-            as (65535, 0); or 'none', where every number is a height, and (65535, 'none'), where every other one is.
-            Without 'none', another number that looks so is told. Pixels that the file itself declares (alpha 0, a
-            TIFF's tag 42113, the page of its mask), and values that are not finite, are no heights in any case.
-        steps: treatment of the staircases of 8-bit images. Finer formats are exact and are not changed.
-        unit: metres that one stored number stands for, 1e-12 to 1e3: 1e-3 of a depth camera's millimetres. It gives
-            `height_unit`.
+        no_data: number in the file that stands for 'nothing measured', such as -9999; or several numbers, such as
+            (65535, 0). With 'none', every number is a height; with (65535, 'none'), every number but 65535 is one.
+            Without 'none', a finding reports any other number that seems to stand for 'nothing measured'. In any case,
+            a pixel has no height if the file declares it as empty (alpha 0, a TIFF's tag 42113, the page of its mask)
+            or if its value is not finite.
+        steps: 'smooth' or 'keep', for the staircases of images with 256 levels or fewer. Finer formats are not changed.
+        unit: length that 1 in the file stands for [m], 1e-12 to 1e3; 1e-3 for a depth camera that writes millimetres.
+            `height_unit` is computed from it.
 
     Raises:
-        DermisError: no image, one that cannot be read, images of differing size or kind, nothing but holes, measures
-            without a unit, a unit that is out of range, a `no_data` that is no number.
+        DermisError: there is no image, an image cannot be read, the images differ in size, every pixel of an image is a
+            hole, lengths have no unit, the unit is out of range, images with a unit differ in the type of their
+            numbers, or `no_data` is no number.
     """
     paths = [source] if isinstance(source, str | Path) else list(source)
     if not paths:
@@ -76,8 +83,8 @@ def read(
     work = MapRepair(meaning, no_data, steps, where)
     heights: NDArray[np.float32] | None = None
     holes = np.zeros((0, 0, 0), bool)
-    largest = 1  # the stored number that became 1
-    for index, path in enumerate(paths):  # one image in memory at a time: a sequence has hundreds
+    largest = 1  # number in the file that became 1
+    for index, path in enumerate(paths):  # read one by one: a sequence has hundreds of images
         raster = images.read(path)
         shape = raster.values.shape
         if heights is None:
@@ -122,20 +129,23 @@ def from_array(
     largest: float = 1.0,
     where: str = "depth map",
 ) -> DepthMap:
-    """Repair heights that are already numbers: a Blender image's pixels, or a bake of a mesh.
+    """Return a depth map from an array of heights, with repairs.
+
+    The array has the pixels of an image in Blender, or heights of a mesh.
 
     Args:
         values: shape (rows, columns) or (k, rows, columns).
-        first_row: which edge of the screen row 0 lies at (Blender's images: 'bottom').
-        declared: pixels known to be empty, booleans, same shape as `values`.
-        levels: how many values the numbers' source can tell apart, 0 for floating point and for measures of a mesh;
-            left out, that of the array's type. Only 256 or fewer can be staircases.
-        largest: the stored number that 1 of the values stands for, 1 where they are as stored.
+        first_row: edge of the screen at row 0, 'bottom' or 'top'; 'bottom' for images in Blender.
+        declared: pixels that are known to be empty, booleans, same shape as `values`.
+        levels: number of levels of the source; 0 for floating point and for heights of a mesh; None for 256 if the
+            array's type has one byte, and 0 otherwise. Only heights with 256 levels or fewer can be staircases.
+        largest: number in the file that a value of 1 stands for; 1 if the values are as in the file.
         no_data: as for `read`.
         meaning, steps: as for `read`.
 
     Raises:
-        DermisError: not numbers, no pixels, another shape, nothing but holes.
+        DermisError: the values are not real numbers, there are no pixels, a shape is wrong, every pixel of a map is a
+            hole, or `first_row`, `meaning`, `no_data` or `steps` is invalid.
     """
     array = np.asarray(values)
     if array.dtype.kind not in "buif":
@@ -178,7 +188,7 @@ def _declared(declared: Any, shape: tuple[int, ...], where: str) -> NDArray[np.b
 
 
 def _check_white(raster: images.Raster, path: str | Path) -> None:
-    """Refuse measures without a unit."""
+    """Raise an error for whole numbers that are lengths without a unit."""
     if raster.levels <= FINEST_WHITE:
         return
     found = np.array([raster.values.min(), raster.values.max()], np.float64) * raster.largest
@@ -194,7 +204,10 @@ def _check_white(raster: images.Raster, path: str | Path) -> None:
 
 
 def _merged(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Return one finding a code, with the counts added: a sequence has hundreds of images."""
+    """Return one finding for each code, with the counts added.
+
+    A sequence has hundreds of images.
+    """
     by_code: dict[str, Finding] = {}
     for finding in findings:
         known = by_code.get(finding.code)

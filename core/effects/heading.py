@@ -1,4 +1,7 @@
-"""Heading: where a finger is going, sample by sample; held while it rests. A bake and a live panel ask the same one."""
+"""Heading: direction in which a finger moves, sample by sample.
+
+A bake and a live panel use the same computation.
+"""
 
 from __future__ import annotations
 
@@ -7,34 +10,38 @@ from collections.abc import Sequence
 from copy import copy
 from math import hypot
 
-STILL_SPEED = 1e-4  # [m/s]; slower is rest: float32 poses of a parented finger tremble by up to some 2e-5 m/s
-REST_RADIUS = 8e-4  # [m]; a resting finger that a panel reports with 0.1 mm (RMS) of jitter stays within this
+STILL_SPEED = 1e-4  # [m/s] slower motion counts as rest: float32 poses of a parented finger tremble at up to 2e-5 m/s
+REST_RADIUS = 8e-4  # [m] radius in which a resting finger stays if a panel reports it with 0.1 mm (RMS) of jitter
 
 
 class Heading:
-    """The unit direction of motion of a touch: zero before its first movement, held while it does not move.
+    """Unit direction of motion of a touch, held while the finger rests.
 
-    A finger has moved when it is further than `radius` from its anchor, which then is where the finger is, and else
-    follows it at 0.1 mm/s. So jitter within the radius turns nothing, drift turns nothing, and slow motion still counts
-    after one radius. With a radius of 0 that is a threshold of speed.
+    The direction is zero before the first movement of a touch.
 
-    Each movement is a unit vector (eq. 4); those of the last `window` seconds are averaged over time and made a unit
-    vector again, as eq. 5 needs one. Where the average vanishes, at the instant of a reversal, the last one is held.
+    Noise of positions is separated from movements by an anchor point. The anchor follows the finger at 0.1 mm/s. If the
+    finger gets farther from the anchor than `radius`, it has moved, and the anchor jumps to the finger. Jitter within
+    the radius and slow drift therefore do not change the direction, and a slow movement counts after one radius. With a
+    radius of 0, every motion faster than 0.1 mm/s is a movement.
+
+    Each movement gives a unit vector (eq. 4). The vectors of the last `window` seconds are averaged over time, and the
+    average is normalized, since eq. 5 needs a unit vector. At the instant of a reversal the average vanishes. Then the
+    last direction is held.
 
     Args:
-        window: length of the moving average [s]; 0 is eq. 4 itself.
-        radius: radius of the position noise to ignore [m]; 0 for exact positions.
+        window: length of the moving average [s]; with 0, the direction is eq. 4 itself.
+        radius: radius of the noise of positions that is ignored [m]; 0 for exact positions.
 
     Source: [S4] eq. 4; the hold is ours, 0/0 is left open there.
     """
 
     def __init__(self, window: float, radius: float = 0.0) -> None:
         self._window, self._radius = window, radius
-        self._moves: deque[tuple[float, float, float, float]] = deque()  # from, to [s], unit vector
+        self._moves: deque[tuple[float, float, float, float]] = deque()  # start and end [s], unit vector
         self.lift()
 
     def lift(self) -> None:
-        """End the touch: the next one begins anew."""
+        """End the touch, so that the next touch begins without a direction."""
         self._moves.clear()
         self._sum_x = self._sum_y = 0.0
         self._anchor: tuple[float, float] | None = None
@@ -42,23 +49,28 @@ class Heading:
         self._direction = (0.0, 0.0)
 
     def copied(self) -> Heading:
-        """Return another one that has seen the same."""
+        """Return an independent copy with the same state."""
         other = copy(self)
         other._moves = self._moves.copy()
         return other
 
     def move(self, time: float, x: float, y: float, *, resting: bool = False) -> tuple[float, float]:
-        """Take where the finger is [m] at a time [s] and return its direction.
+        """Add a position of the finger and return the direction of motion.
 
         Args:
-            resting: the finger is known to be at rest, whatever x and y say.
+            time: time of the position [s].
+            x, y: position on the screen [m].
+            resting: True if the finger is known to be at rest although x and y may change.
         """
         return self.along((time,), (x,), (y,), (resting,))[0]
 
     def along(
         self, times: Sequence[float], xs: Sequence[float], ys: Sequence[float], resting: Sequence[bool]
     ) -> list[tuple[float, float]]:
-        """Take where the finger is [m] at several times [s], and return its direction at each; see `move`."""
+        """Add positions of the finger and return the direction at each.
+
+        The arguments are those of `move`, with one entry for each position.
+        """
         anchor, direction, earlier = self._anchor, self._direction, self._time
         window, radius, moves, sum_x, sum_y = self._window, self._radius, self._moves, self._sum_x, self._sum_y
         out = []
@@ -82,21 +94,21 @@ class Heading:
                     direction = ux, uy
                     out.append(direction)
                     continue
-                # the average over the window
+                # Compute the average over the window.
                 begin = time - window
                 while moves and moves[0][1] <= begin:
                     start, end, vx, vy = moves.popleft()
                     sum_x -= vx * (end - start)
                     sum_y -= vy * (end - start)
                 if not moves:
-                    sum_x = sum_y = 0.0  # what rounding has left goes too
+                    sum_x = sum_y = 0.0  # removes errors of rounding
                 moves.append((time - elapsed, time, ux, uy))
                 sum_x, sum_y = sum_x + ux * elapsed, sum_y + uy * elapsed
                 start, _, vx, vy = moves[0]
-                before = begin - start if begin > start else 0.0  # what of the oldest lies before the window
+                before = begin - start if begin > start else 0.0  # part before the window [s]
                 sx, sy = sum_x - vx * before, sum_y - vy * before
                 size = hypot(sx, sy)
-                # Half a movement's weight: below it the window holds as much of one direction as of its opposite.
+                # A sum below half of this movement's duration means that opposite directions cancel in the window.
                 if size > 0.5 * (elapsed if elapsed < window else window):
                     direction = sx / size, sy / size
             out.append(direction)

@@ -1,4 +1,4 @@
-"""Patterns that a finger's tactor plays: a rub along a line, or strokes in a direction.
+"""Patterns of a tactor: a rub along a line, or strokes in a direction.
 
 Source: [S3] eq. 7 and 8.
 """
@@ -13,14 +13,16 @@ from ..arrays import Array
 from ..errors import DermisError
 from ..memory import Carry
 
-# Periods of each pattern in one 1/f: eq. 8 has twice the frequency, so that both have the mean speed 4 A f.
+# Number of periods of a pattern in the time 1/f. Eq. 8 has twice the frequency of eq. 7, so that both patterns have the
+# mean speed 4 A f.
 PERIODS = {"orientation": 1.0, "direction": 2.0}
 
 
 def axis(angle: float | Array) -> Array:
-    """Return R(theta) y, clockwise from +Y as seen on the pad: 90 degrees is +X, shape (..., 2).
+    """Return the axis of a pattern, the unit vector R(theta) y.
 
-    Tables 4 and 6 of the paper only make sense with a clockwise turn.
+    Its shape is (..., 2). The angle is clockwise from +Y as seen on the pad, so 90 degrees is +X. With the opposite
+    turn, Tables 4 and 6 of the paper would make no sense.
 
     Args:
         angle: theta [rad].
@@ -29,10 +31,13 @@ def axis(angle: float | Array) -> Array:
 
 
 def orientation(t: Array, frequency: float | Array, amplitude: float | Array, angle: float | Array) -> Array:
-    """Return p = A sin(2 pi f t) R(theta) y, shape (n, 2), in the unit of A.
+    """Return the rub p = A sin(2 pi f t) R(theta) y, shape (n, 2).
 
     Args:
-        t: time since the start [s], shape (n,). frequency: f [Hz]. amplitude: A. angle: theta [rad].
+        t: time since the start [s], shape (n,).
+        frequency: f [Hz], one number or shape (n,).
+        amplitude: A, one number or shape (n,); it sets the unit of p.
+        angle: theta [rad], one number or shape (n,).
 
     Source: [S3] eq. 7
     """
@@ -40,7 +45,9 @@ def orientation(t: Array, frequency: float | Array, amplitude: float | Array, an
 
 
 def direction(t: Array, frequency: float | Array, amplitude: float | Array, angle: float | Array) -> Array:
-    """Return p = (A/2 sin(4 pi f t - pi/2) + A/2) R(theta) y, shape (n, 2), in the unit of A.
+    """Return strokes p = (A/2 sin(4 pi f t - pi/2) + A/2) R(theta) y.
+
+    The arguments and the shape are those of `orientation`.
 
     Source: [S3] eq. 8
     """
@@ -59,19 +66,25 @@ def played(
     repeat: bool,
     carry: Carry | None = None,
 ) -> Array:
-    """Return a pattern that every rising edge of a switch starts, shape (n, 2), in the unit of `amplitude`.
+    """Return a pattern that starts at every rising edge of a switch.
 
-    It starts and ends in the centre: played once it lasts one period, repeated it goes on to the end of the period in
-    which the switch falls. A new edge starts it anew. Frequency, amplitude and angle hold from an edge to the next.
+    The pattern has the shape (n, 2) and the unit of `amplitude`. It starts and ends in the centre. A new edge starts it
+    again from the beginning. Frequency, amplitude and angle are those at the last edge.
 
     Args:
         kind: 'none', 'orientation' or 'direction'.
-        times: [s], shape (n,).
-        play: the switch, on above 0.5; on at the first sample counts as an edge.
-        carry: how it goes on from a window of times before, and into the next; None: nothing was on.
+        times: [s], increasing, shape (n,).
+        play: value of the switch, one number or shape (n,). The switch is on above 0.5; on at the first sample counts
+            as an edge.
+        frequency: f [Hz], one number or shape (n,).
+        amplitude: A, one number or shape (n,).
+        angle: theta [rad], one number or shape (n,).
+        repeat: False: the pattern lasts one period. True: it lasts to the end of the period in which the switch is
+            turned off.
+        carry: state from the window of times before, and for the next window; None if the switch was off before.
 
     Raises:
-        DermisError: an unknown pattern, or a frequency that is not above 0.
+        DermisError: the pattern is unknown, or a frequency is not above 0.
     """
     out = np.zeros((len(times), 2))
     if kind == "none":
@@ -84,7 +97,8 @@ def played(
     edges = np.flatnonzero(on & ~np.concatenate([[was_on], on[:-1]])).tolist()
     columns = [np.broadcast_to(np.asarray(v, dtype=np.float64), times.shape) for v in (frequency, amplitude, angle)]
     wave = orientation if kind == "orientation" else direction
-    # from which sample on, since when, until when the switch was on, frequency, amplitude, angle
+    # First sample, time of the edge [s], time at which the switch was turned off [s] (inf unless an earlier window
+    # found it), frequency, amplitude, angle.
     plays = [(edge, float(times[edge]), math.inf, *(float(c[edge]) for c in columns)) for edge in edges]
     if running is not None:
         plays.insert(0, (0, *running))

@@ -1,4 +1,4 @@
-"""A finger sliding over a slope: direction of motion, and the friction that the slope asks for."""
+"""Sliding on a relief: direction of motion, and friction of the slope."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ..memory import Carry
 from ..parameters.device import DEVICE
 from .heading import Heading
 
-MAX_FRICTION = 100.0  # the strongest friction of [S4]'s scale of 0 to 100
-MIN_FRICTION = 1.0  # the weakest that Table 1 renders
-STEEPEST_NORMAL = 0.05  # n_z below this (steeper than 87 degrees) is limited
+MAX_FRICTION = 100.0  # largest friction on the scale of [S4], 0 to 100
+MIN_FRICTION = 1.0  # smallest friction that Table 1 of [S4] renders
+STEEPEST_NORMAL = 0.05  # smallest n_z; a smaller one (a slope above 87 degrees) is set to this
 
 
 def directions(
@@ -28,18 +28,19 @@ def directions(
     radius: float = 0.0,
     carry: Carry | None = None,
 ) -> Array:
-    """Return the unit direction of motion in contact, shape (n, 2); zero before the first movement of a touch.
+    """Return the unit direction of motion in contact, shape (n, 2).
 
-    What `Heading` says of each sample. Every touch begins anew.
+    It is computed by `Heading`. It is zero without contact, and before the first movement of a touch.
 
     Args:
         x, y: position on the screen [m], shape (n,).
-        touching: shape (n,).
-        rate: samples a second [Hz].
-        window: length of the moving average [s]; 0 is eq. 4 itself.
-        resting: where the finger is known to be at rest at the end of a step, whatever x and y say, shape (n,).
-        radius: radius of the position noise to ignore [m], as a live panel does; 0 for exact positions.
-        carry: how it goes on from a window of times before, and into the next; None: there was no touch.
+        touching: whether the finger touches the screen, shape (n,).
+        rate: samples per second [Hz].
+        window: length of the moving average [s]; with 0, the result is eq. 4 itself.
+        resting: whether the finger is known to be at rest at the end of a step although x and y may change, shape
+            (n,); None if nothing is known.
+        radius: radius of the noise of positions that is ignored [m], for a live panel; 0 for exact positions.
+        carry: state from the window of times before, and for the next window; None if there was no touch before.
 
     Source: [S4] eq. 4
     """
@@ -63,12 +64,14 @@ def directions(
 
 
 def friction_of_slope(slope_x: Array, slope_y: Array, direction: Array, scale: float | Array) -> Array:
-    """Return f = f0 grad F . v, signed: above zero uphill.
+    """Return the friction of a slope, f = f0 grad F . v, shape (n,).
+
+    It is positive uphill and negative downhill.
 
     Args:
         slope_x, slope_y: gradient of the height towards the viewer [m/m], shape (n,).
         direction: unit vectors of the motion, shape (n, 2).
-        scale: f0, friction for a slope of 1.
+        scale: f0, friction for a slope of 1; one number or shape (n,).
 
     Source: [S4] eq. 5
     """
@@ -76,13 +79,15 @@ def friction_of_slope(slope_x: Array, slope_y: Array, direction: Array, scale: f
 
 
 def friction_of_normal(normal: Array, direction: Array, scale: float) -> tuple[Array, int]:
-    """Return f = -f0 n_xy . v / n_z, which equals eq. 5 on the same surface, and how many normals were limited.
+    """Return the friction of a mesh, f = -f0 n_xy . v / n_z, shape (n,).
 
-    A surface seen from the side has n_z = 0 and an infinite slope; n_z is held at 0.05 or above.
+    The number of limited normals is returned too. The friction equals eq. 5 on the same surface. A surface that is seen
+    from the side has n_z = 0 and an infinite slope, so n_z is limited to at least 0.05.
 
     Args:
         normal: unit normals of the mesh in the screen's axes, towards the viewer, shape (n, 3).
         direction: unit vectors of the motion, shape (n, 2).
+        scale: f0, friction for a slope of 1.
 
     Source: [S4] eq. 6, with the sign and the division that make it equal to eq. 5
     """
@@ -93,7 +98,10 @@ def friction_of_normal(normal: Array, direction: Array, scale: float) -> tuple[A
 
 
 def friction_of_normal_printed(normal: Array, direction: Array, scale: float) -> Array:
-    """Return f = f0 n . [v, 0] as printed: the opposite sign of eq. 5, and compressed to within -f0 .. f0.
+    """Return the friction of eq. 6 as printed, f = f0 n . [v, 0], shape (n,).
+
+    Its sign is opposite to that of eq. 5, and its values are between -f0 and f0. The arguments are those of
+    `friction_of_normal`.
 
     Source: [S4] eq. 6
     """
@@ -101,15 +109,15 @@ def friction_of_normal_printed(normal: Array, direction: Array, scale: float) ->
 
 
 def without_downhill(friction: Array, way: str) -> Array:
-    """Return friction as a screen can show it, which cannot push.
+    """Return friction without negative values: a screen cannot push.
 
     Args:
-        friction: signed, above zero uphill.
-        way: 'rectify' (downhill is free), 'offset' (flat ground lies at half of the range, downhill below it) or
-            'absolute' (downhill resists like uphill).
+        friction: friction, positive uphill and negative downhill.
+        way: 'rectify' (no friction downhill), 'offset' (flat ground has half of the largest friction, downhill has
+            less) or 'absolute' (downhill resists like uphill).
 
     Raises:
-        DermisError: another way.
+        DermisError: `way` is none of these.
     """
     if way == "rectify":
         return np.maximum(friction, 0.0)

@@ -1,4 +1,6 @@
-"""Texture: a displacement along the direction of movement that depends on the place.
+"""Texture: a displacement along the direction of movement.
+
+The size of the displacement depends on the position on the surface.
 
 Source: [S3] eq. 2 and 3, after Campion et al. 2008.
 """
@@ -23,19 +25,22 @@ def displacement(
     amplitude: tuple[float | Array, float | Array],
     period: tuple[float | Array, float | Array],
 ) -> Array:
-    """Return d = -mu (alpha_x sin(2 pi x_x / f_x) + alpha_y sin(2 pi x_y / f_y)) sigma(v_t).
+    """Return the displacement of a texture.
+
+    d = -mu (alpha_x sin(2 pi x_x / f_x) + alpha_y sin(2 pi x_y / f_y)) sigma(v_t)
 
     Args:
         place: coordinates on the surface (x_x, x_y) [m], shape (n, 2).
         direction: sigma, see `held_direction`, shape (n, k).
-        friction: mu. amplitude: alpha_x and alpha_y, fractions of the device's range.
-        period: f_x and f_y, which are spatial periods [m]: the paper divides by them.
+        friction: mu, one number or shape (n,).
+        amplitude: alpha_x and alpha_y, fractions of the device's range, each one number or shape (n,).
+        period: f_x and f_y [m], each one number or shape (n,). The paper divides by them, so they are spatial periods.
 
     Returns:
         displacement as a fraction of the device's range, shape (n, k).
 
     Raises:
-        DermisError: a period that is not above 0.
+        DermisError: a period is not above 0 although its amplitude is not 0.
 
     Source: [S3] eq. 2
     """
@@ -50,10 +55,12 @@ def displacement(
 
 @dataclass(frozen=True)
 class Eased:
-    """A texture that sets in and fades, up to some sample.
+    """State of a texture that is faded in and out, before some sample.
 
     Attributes:
-        values: the last ones, shape (2 * samples,). felt: whether the last was felt. since: samples since that changed.
+        values: the last values before the sample, shape (2 * samples,).
+        felt: whether the texture was felt at the last of them.
+        since: number of samples since `felt` changed, at most `samples`.
     """
 
     values: Array
@@ -64,18 +71,21 @@ class Eased:
 def eased(
     values: Array, felt: NDArray[np.bool_], samples: int, before: Eased | None, index: int
 ) -> tuple[Array, Eased]:
-    """Return a texture that sets in and fades over some samples, for a device that would knock where it jumps.
+    """Return a texture that is faded in and out, and a state of it.
 
-    It sets in as the rise of a cosine. Where it ends it goes on as its own reflection in its last point, and falls as
-    that cosine: neither the displacement nor its speed jumps.
+    A device would knock at a jump of the texture. The texture is therefore faded in by half a period of a cosine.
+    Beyond its end, it is continued by its reflection in its last point and faded out by the same cosine. Neither the
+    displacement nor its speed jumps.
 
     Args:
-        values: displacements along one axis, 0 where nothing is felt, shape (n,). felt: shape (n,).
-        samples: how long it takes. before: the time before; None where nothing was felt.
-        index: sample at which the state is wanted.
+        values: displacements along one axis, 0 where nothing is felt, shape (n,).
+        felt: whether the texture is felt, shape (n,).
+        samples: duration of a fade in samples.
+        before: state before the first sample; None if nothing was felt.
+        index: sample before which the state is returned.
 
     Returns:
-        shape (n,), and the state before the sample at `index`.
+        the faded texture, shape (n,), and the state before the sample `index`.
     """
     if before is None:
         before = Eased(np.zeros(2 * samples), False, samples)
@@ -100,14 +110,15 @@ def eased(
 
 
 def held_direction(velocity: Array, threshold: float | Array, before: Array | None = None) -> Array:
-    """Return sigma: the direction of movement, or that of the last movement while the speed is below the threshold.
+    """Return sigma, the direction of movement, shape (n, k).
 
-    It is zero before the first movement. At threshold 0 a speed of exactly 0 is no movement either.
+    While the speed is below the threshold, sigma is the direction of the last movement. It is zero before the first
+    movement. With a threshold of 0, a speed of exactly 0 is still no movement.
 
     Args:
         velocity: tangential velocity [m/s], shape (n, k).
-        threshold: k [m/s].
-        before: sigma of the time before, shape (k,); None: there was no movement.
+        threshold: smallest speed of a movement, k in the paper [m/s], one number or shape (n,).
+        before: sigma before the first sample, shape (k,); None if there was no movement.
 
     Source: [S3] eq. 3
     """
@@ -125,22 +136,27 @@ def held_direction(velocity: Array, threshold: float | Array, before: Array | No
 
 
 def tangential(velocity: Array, normal: Array) -> Array:
-    """Return the part of velocities (n, 3) that is perpendicular to unit normals (n, 3)."""
+    """Return the part of velocities that is perpendicular to unit normals.
+
+    All three have the shape (n, 3).
+    """
     return velocity - scaled(normal, dot(velocity, normal))
 
 
 def coordinates(point: Array, normal: Array) -> Array:
-    """Return where points lie on a surface, in a tangent frame [m], shape (n, 2).
+    """Return coordinates of points on a surface [m], shape (n, 2).
 
-    The frame's first axis is the body's X axis laid onto the tangent plane (its Y axis where the normal is mostly
-    along X), the second is normal x first. The point is first moved along the axis that the normal is nearest to,
-    onto the parallel plane through the body's origin: without that a sphere about the origin would have the same
-    coordinates everywhere. On a plane of any orientation the coordinates are lengths, and the same place always has
-    the same coordinates.
+    They are coordinates in a frame of the tangent plane. Its first axis is the projection of the body's X axis onto the
+    tangent plane, or of the body's Y axis if the normal is nearest to X. The second axis is normal x first axis.
+
+    Each point is first moved along the body's axis that is nearest to the normal, until it is on the plane through the
+    body's origin that is parallel to the tangent plane. Otherwise a sphere about the origin would have the same
+    coordinates everywhere. On a plane of any orientation the coordinates are lengths, and a point always has the same
+    coordinates.
 
     Args:
-        point: in the body's own, metric space [m], shape (n, 3).
-        normal: unit, shape (n, 3).
+        point: points in the space of the body, in metres [m], shape (n, 3).
+        normal: unit normals of the surface at the points, shape (n, 3).
 
     Source: x_x and x_y of [S3] eq. 2; the frame is a decision of Dermis
     """
@@ -157,13 +173,13 @@ def coordinates(point: Array, normal: Array) -> Array:
 
 
 def _along(point: Array, normal: Array, main: int) -> Array:
-    """Coordinates where the normal is nearest to one body axis."""
+    """Return coordinates of points whose normals are nearest to axis `main`."""
     a, b = {0: (1, 2), 1: (0, 2), 2: (0, 1)}[main]
-    # Laying axis a onto the tangent plane shortens it to `length`; e1 = (axis a - n_a n) / length.
+    # The projection of axis a onto the tangent plane has the length `length`; e1 = (axis a - n_a n) / length.
     n_a, n_b, n_m = normal[:, a], normal[:, b], normal[:, main]
     length = np.sqrt(1.0 - n_a * n_a)
     first = point[:, a] / length
-    # e2 = n x e1 has the components (along b) +-n_main / length; the point in the plane has x_b = e1_b u + e2_b w.
+    # Along b, e2 = n x e1 has the component +-n_main / length. The point e1 u + e2 w has x_b = e1_b u + e2_b w.
     handed = -1.0 if (main, a, b) == (1, 0, 2) else 1.0
     second = (point[:, b] + n_a * n_b / length * first) * length / (handed * n_m)
     return np.stack([first, second], axis=1)

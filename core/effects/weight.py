@@ -16,16 +16,18 @@ SIGNS = {"paper": 1.0, "inertia": -1.0}
 def displacement(
     acceleration: Array, gravity: Array, alpha_a: float | Array, alpha_g: float | Array, sign: str = "paper"
 ) -> Array:
-    """Return d = alpha_a a + alpha_g g, as a fraction of the device's range, shape (n, 3).
+    """Return the displacement d = alpha_a a + alpha_g g, shape (n, 3).
+
+    It is a fraction of the device's range.
 
     Args:
-        acceleration: acceleration of the object's centre of gravity [m/s^2], shape (n, 3).
-        gravity: [m/s^2], shape (3,).
+        acceleration: a, acceleration of the object's centre of gravity [m/s^2], shape (n, 3).
+        gravity: g [m/s^2], shape (3,).
         alpha_a, alpha_g: [1/(m/s^2)], one number or shape (n,).
-        sign: 'paper' as printed; 'inertia' drags by -alpha_a a, as a real mass would.
+        sign: 'paper' for +alpha_a a as printed; 'inertia' for -alpha_a a, the direction in which a real mass pulls.
 
     Raises:
-        DermisError: an unknown sign.
+        DermisError: `sign` is none of these.
 
     Source: [S3] eq. 4
     """
@@ -36,11 +38,12 @@ def displacement(
 
 
 def fitting(peak: float) -> float:
-    """Return the factor that brings the largest displacement of a whole bake into the range, at most 1.
+    """Return the factor that fits the displacements of a bake to the range.
 
-    One factor for every weight of a scene keeps their ratios, so that two that would both saturate stay apart.
+    The factor is at most 1. It is the same for all weights of a scene, which keeps their ratios. Two different weights
+    that would both saturate therefore remain different.
 
     Args:
-        peak: largest length of any weight's displacement in a pad's plane, as a fraction of the range.
+        peak: largest length of any weight's displacement in the plane of a pad, as a fraction of the range.
     """
     return 1.0 if peak <= 1.0 else 1.0 / peak

@@ -1,4 +1,4 @@
-"""The gradient field of a height map, and reading it at any point."""
+"""Gradient of a height map, and its interpolation at any point."""
 
 from __future__ import annotations
 
@@ -10,31 +10,41 @@ from numpy.typing import NDArray
 from ..arrays import Array, Floats32
 from ..errors import DermisError
 
-# Points a pass: the work arrays of a chunk stay in the processor's second-level cache.
+# Number of points that are interpolated at once; the work arrays then stay in the processor's second-level cache.
 CHUNK = 16384
-# Pixels a run of the gradient (2 MB): long enough to pay for numpy's calls, short enough for the last cache.
+# Number of pixels (2 MB) that the gradient processes at once: enough for the overhead of numpy's calls to be small, and
+# few enough for the processor's last-level cache.
 RUN = 524288
 
 
 def metres_of(size: tuple[float, float], height_unit: float) -> float:
-    """Return how many metres one unit of a map stands for: `height_unit`, or the screen's width where that is 0."""
+    """Return the length of one unit of a map's heights [m].
+
+    It is `height_unit`, or the width of the screen if `height_unit` is 0.
+
+    Args:
+        size: width and height of the screen [m].
+        height_unit: length of one unit [m], or 0.
+    """
     return height_unit if height_unit > 0 else size[0]
 
 
 def gradient(
     heights: NDArray[np.floating], spacing: tuple[float, float], *, scale: float = 1.0, out: Floats32 | None = None
 ) -> Floats32:
-    """Return dF/dx and dF/dy by central differences, one-sided at the border, shape (2, rows, columns).
+    """Return the slopes dF/dx and dF/dy, shape (2, rows, columns).
 
-    A single row or column has no slope along itself. The border is of first order on purpose: such a difference is a
-    slope that the surface really has somewhere (mean value theorem), so the steepest slope, which scales a whole
-    bake, is never exaggerated there.
+    They are central differences, and one-sided differences at the border. If there is a single row, dF/dy is 0. If
+    there is a single column, dF/dx is 0.
+
+    The differences at the border are of first order on purpose. Such a difference is a slope that the surface has
+    somewhere (mean value theorem). The steepest slope, which scales a whole bake, is therefore not too large there.
 
     Args:
-        heights: shape (rows, columns).
+        heights: F, shape (rows, columns).
         spacing: width and height of a pixel [m].
-        scale: metres a unit of height.
-        out: to be written to, contiguous float32, shape (2, rows, columns).
+        scale: length of one unit of height [m].
+        out: array for the result, contiguous float32, shape (2, rows, columns); None for a new array.
 
     Source: [S4] eq. 2 and 3
     """
@@ -44,8 +54,8 @@ def gradient(
     surface = np.ascontiguousarray(heights, None if heights.dtype == np.float32 else np.float64)
     flat, factors = surface.ravel(), [scale / step for step in spacing]
     targets = [plane.reshape(-1) for plane in out]
-    # Along the memory in runs, x and y in turn, each scaled while it is still in the cache. Differences along x run
-    # over the rows' ends too: those two columns are written last.
+    # The map is processed in runs along the memory, x and y in turn, so that each run is scaled while it is still in
+    # the cache. Differences along x are wrong across the ends of rows, so the first and last column are written last.
     for begin in range(0, flat.size, RUN):
         for target, stride, factor in zip(targets, (1, columns), factors, strict=True):
             first, last = max(begin, stride), min(begin + RUN, flat.size - stride)
@@ -58,7 +68,7 @@ def gradient(
     if rows < 2 or columns < 4:
         _border(out[0].T, surface.T, factors[0])
         return out
-    # A row's last pixel and the next row's first are neighbours in memory: both columns in one visit a row.
+    # The last pixel of a row and the first of the next row are neighbours in memory, so they are written together.
     seams = flat[columns - 2 : -2].reshape(rows - 1, columns)[:, :4].copy()
     targets[0][columns - 1 : -1].reshape(rows - 1, columns)[:, :2] = (seams[:, 1::2] - seams[:, ::2]) * factors[0]
     out[0, 0, 0] = (surface[0, 1] - surface[0, 0]) * factors[0]
@@ -67,7 +77,14 @@ def gradient(
 
 
 def _border(slopes: Floats32, lines: NDArray[np.floating], factor: float) -> None:
-    """Write the one-sided slopes of the first and the last line, across lines."""
+    """Write the one-sided slopes at the first and the last line.
+
+    Args:
+        slopes: result, shape (lines, pixels). Only its first and last line are written; all of it, with 0, if there is
+            a single line.
+        lines: heights, rows for the slope dF/dy and columns for dF/dx, shape (lines, pixels).
+        factor: unit of the heights divided by the distance of two lines.
+    """
     if len(lines) < 2:
         slopes[...] = 0.0
     else:
@@ -76,24 +93,29 @@ def _border(slopes: Floats32, lines: NDArray[np.floating], factor: float) -> Non
 
 
 def steepest(slopes: Floats32) -> float:
-    """Return the largest length of a pixel's gradient, slopes of shape (2, rows, columns)."""
+    """Return the largest length of a pixel's gradient.
+
+    Args:
+        slopes: dF/dx and dF/dy, shape (2, rows, columns).
+    """
     squares = slopes[0] * slopes[0]
     squares += slopes[1] * slopes[1]
     return float(np.sqrt(squares.max()))
 
 
 def bilinear(planes: Sequence[Floats32], size: tuple[float, float], x: Array, y: Array) -> Floats32:
-    """Read planes of numbers at points by bilinear interpolation, shape (planes, n), float32.
+    """Return the values of planes at points, shape (planes, n), float32.
 
-    A pixel's value belongs to its centre; half a pixel from the border, and beyond, the border's value goes on.
+    The interpolation is bilinear. A pixel's value is that at its centre. In the outer half of the pixels at the border,
+    and beyond, the values of the border's pixels are used.
 
     Args:
-        planes: of one shape (rows, columns).
-        size: width and height that the planes cover [m].
-        x, y: points [m] from the centre, finite, shape (n,).
+        planes: arrays of pixels with the same shape, (rows, columns).
+        size: width and height of the planes [m].
+        x, y: points from the centre of the planes [m], finite, shape (n,).
     """
     count, (rows, columns) = len(planes), planes[0].shape
-    # A single row or column is doubled, so that there always is a neighbour.
+    # A single row or column is doubled, so that every point is between two of them.
     if rows < 2 or columns < 2:
         twice = 2 if rows < 2 else 1, 2 if columns < 2 else 1
         planes = [plane.repeat(twice[0], axis=0).repeat(twice[1], axis=1) for plane in planes]
@@ -126,10 +148,16 @@ def bilinear(planes: Sequence[Floats32], size: tuple[float, float], x: Array, y:
 
 
 def check_map(heights: NDArray[np.floating], size: tuple[float, float], height_unit: float, where: str = "") -> None:
-    """Refuse a map that has no gradient.
+    """Raise an error for a map that has no gradient.
+
+    Args:
+        heights: shape (rows, columns), or (k, rows, columns) for a sequence.
+        size: width and height of the screen [m].
+        height_unit: length of one unit of the heights [m], or 0.
 
     Raises:
-        DermisError: no pixels, a size or a unit that is not positive and finite, heights that are not finite.
+        DermisError: there are no pixels, the size is not positive and finite, the unit is negative or not finite, or a
+            height is not finite.
     """
     where = where or "depth map"
     if heights.ndim not in (2, 3) or heights.size == 0:

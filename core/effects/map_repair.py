@@ -1,4 +1,4 @@
-"""MapRepair: map after map of a touch screen repaired, and every repair counted."""
+"""MapRepair: repairs of the height maps of a touch screen, with counts."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ STEPS: tuple[Steps, ...] = ("smooth", "keep")
 
 
 class MapRepair:
-    """Repairs map after map, and counts.
+    """Repair the maps of a sequence one by one, and count the repairs.
 
     Args:
         meaning, no_data, steps, where: as for `depth_map.from_array`.
 
     Raises:
-        DermisError: an unknown meaning or kind of steps, or a `no_data` of anything but numbers and 'none'.
+        DermisError: `meaning` or `steps` is unknown, or `no_data` has an entry that is neither a number nor 'none'.
     """
 
     def __init__(self, meaning: Meaning, no_data: NoData, steps: Steps, where: str) -> None:
@@ -54,7 +54,7 @@ class MapRepair:
         said = () if no_data is None else no_data if isinstance(no_data, list | tuple) else (no_data,)
         self._asks = "none" not in said
         numbers = [number_of(value, "no_data", where) for value in said if value != "none"]
-        self._held = {number: 0 for number in numbers if not np.isnan(number)}  # NaN is a hole as it is
+        self._held = {number: 0 for number in numbers if not np.isnan(number)}  # NaN is a hole in any case
         self._smooth, self._where = steps == "smooth", where
         self._pixels = self._holes = self._smoothed = self._kept = self._flat = self._few = self._levels = 0
         self._zeros = 0
@@ -70,19 +70,29 @@ class MapRepair:
         largest: float = 1.0,
         signed: bool = False,
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return one map's heights towards the viewer without holes and staircases, and its holes, (rows, columns).
+        """Return the repaired heights of a map, and its holes.
+
+        The heights are towards the viewer. Heights and holes have the shape (rows, columns).
 
         Args:
-            largest: the stored number that 1 of the values stands for. signed: whole numbers reach below 0.
+            values: heights or depths as read, shape (rows, columns).
+            declared: pixels that are known to be empty, booleans, same shape; None if there are none.
+            levels: number of levels of the file's format; 0 for floating point and for heights of a mesh.
+            where: name of the map in an error.
+            largest: number in the file that a value of 1 stands for.
+            signed: whether the file's type has whole numbers below 0.
+
+        Raises:
+            DermisError: every pixel is a hole.
         """
-        with np.errstate(over="ignore"):  # beyond doubles is infinite, a hole
+        with np.errstate(over="ignore"):  # a number too large for float64 becomes infinite, which is a hole
             heights = values.astype(np.float64)
         gaps = holes_in(heights, declared)
         for number in self._held:
             asked = holds(values, number / largest)
             self._held[number] += int(np.count_nonzero(asked))
             gaps |= asked
-        if self._asks and not gaps.all():  # the rest is looked at again after each answer
+        if self._asks and not gaps.all():  # the other pixels, so each given number may reveal another
             self._look(heights[~gaps] if gaps.any() else heights.ravel(), values.dtype, levels, largest, signed)
         known = ~gaps
         if not known.any():
@@ -94,8 +104,8 @@ class MapRepair:
         self._pixels += gaps.size
         self._holes += int(np.count_nonzero(gaps))
         heights = np.where(known, self._sign * np.where(known, heights, 0.0), 0.0)
-        # Looked for before holes are filled, because the filling adds levels of its own; and only where the format
-        # has few levels: what floating point or a mesh climbs in steps was meant so.
+        # Staircases are found before holes are filled, because filling adds levels. They are found only in formats
+        # with few levels, since steps in floating-point numbers or in heights of a mesh are intended.
         coarse = 0 < levels <= MAX_LEVELS
         found = staircase(np.where(known, heights, heights[known].min())) if coarse else None
         heights = filled(heights, gaps)
@@ -109,24 +119,30 @@ class MapRepair:
         return heights, gaps
 
     def _look(self, heights: Array, kind: np.dtype, levels: int, largest: float, signed: bool) -> None:
-        """Count pixels that likely stand for 'no data'."""
+        """Count the pixels that likely stand for 'no data'.
+
+        Args:
+            heights: values of the pixels that are no holes, shape (n,).
+            kind: type in which they were read.
+            levels, largest, signed: as for `repaired`.
+        """
         coarse = 0 < levels <= MAX_LEVELS
         zeros = likely_holes(heights, coarse=coarse) if self._sign < 0.0 else 0
         self._zeros += zeros
-        if zeros or coarse:  # as few levels are brightness: white and black are heights
+        if zeros or coarse:  # few levels are brightness, so white and black are heights
             return
         stored = [*CUSTOMARY, *((largest,) if levels else ()), *((-largest - 1.0,) if levels and signed else ())]
         ends = np.array(stored) / largest
         ends = (ends.astype(kind) if kind.kind == "f" else ends).astype(np.float64)
         found = likely_no_data(heights, ends.tolist())
         if found is not None:
-            number = stored[int(np.argmin(np.abs(ends - found[0])))]  # what single precision rounded, as it was stored
+            number = stored[int(np.argmin(np.abs(ends - found[0])))]  # as stored, without single precision
             if found[0] not in ends:
                 number = float(round(found[0] * largest)) if levels else found[0] * largest
             self._likely[number] = self._likely.get(number, 0) + found[1]
 
     def findings(self) -> tuple[Finding, ...]:
-        """Return repairs and warnings, one finding a kind."""
+        """Return one finding for each kind of repair or warning."""
         levels = f"{self._levels} levels"
         share, zeros = (f"{100.0 * n / max(self._pixels, 1):.3g} %" for n in (self._holes, self._zeros))
         missing = [number for number, held in self._held.items() if not held]
@@ -142,7 +158,7 @@ class MapRepair:
             ),
             (
                 len(missing),
-                "warning" if any(missing) else "info",  # a camera that missed nothing has no zeros
+                "warning" if any(missing) else "info",  # 0 may be absent: a camera that measured every pixel has none
                 "no-such-hole",
                 "no pixel holds the value that stands for 'nothing measured'",
                 ", ".join(f"{number:.9g}" for number in missing),
@@ -200,12 +216,12 @@ class MapRepair:
 
 
 def no_data_of(text: str, where: str) -> NoData:
-    """Return the meaning of a person's words: '' nothing, 'none', or numbers with spaces or semicolons between.
+    """Return the `no_data` of `depth_map.read` that a user's text states.
 
-    'none' behind numbers says that there are no others.
+    The text is empty, which gives None, or has numbers and 'none', separated by spaces or semicolons.
 
     Raises:
-        DermisError: they say something else.
+        DermisError: the text has another word.
     """
     words = re.sub(r";|,(?=\s|$)", " ", text.lower()).split()
     try:
@@ -219,10 +235,11 @@ def no_data_of(text: str, where: str) -> NoData:
 
 
 def say_no_data(number: float, said: Sequence[float]) -> str:
-    """Return how a person says whether a number stands for 'no data'.
+    """Return how a user can state whether a number stands for 'no data'.
 
     Args:
-        said: numbers that were said already.
+        number: the number, as the file stores it.
+        said: numbers that the user has stated already.
     """
     answers = [[*map(_words, said), answer] for answer in (_words(number), "none")]
     field = " or ".join("; ".join(words) for words in answers)
@@ -240,14 +257,18 @@ def _words(number: float) -> str:
 
 
 def number_of(value: Any, name: str, where: str) -> float:
-    """Return a given value as a number.
+    """Return a user's value as a float.
+
+    Args:
+        value: any value.
+        name: name of the value in the error.
 
     Raises:
-        DermisError: it is none.
+        DermisError: the value is no number, or is too large for a float.
     """
     try:
         if isinstance(value, Real):
             return float(value)
-    except OverflowError:  # a whole number beyond them all
+    except OverflowError:  # a whole number too large for a float
         pass
     raise DermisError(f"the {name} must be a number", where=where, value=value)

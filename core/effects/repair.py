@@ -1,4 +1,4 @@
-"""Repairs of a height map: holes filled, staircases of coarse numbers smoothed."""
+"""Repairs of a height map: filled holes and smoothed staircases."""
 
 from __future__ import annotations
 
@@ -11,27 +11,29 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 
-# A background at infinity is written as 1e10 by Blender's depth pass; no height or depth in use is as large.
+# Numbers of this size and more are holes. Blender's depth pass writes 1e10 for a background at infinity, and no real
+# height or depth is as large.
 FAR = 1e9
-FEWEST_LEVELS, MAX_LEVELS = 16, 256
-# One number likely stands for 'no data' where it is this share of a map or more, and nothing else is nearer to it than
-# this part of the farthest: a camera cannot measure so near, a rendered depth comes down to 0 in small steps.
+FEWEST_LEVELS, MAX_LEVELS = 16, 256  # smallest and largest number of levels of a staircase
+# A number likely stands for 'no data' under two conditions. FREQUENT: it is at least this share of the map's pixels.
+# NEAREST: the distance to the nearest other number is more than this share of the distance to the farthest number.
+# A camera cannot measure depths as small as that, and a rendered depth goes down to 0 in small steps.
 FREQUENT, NEAREST = 1e-3, 0.05
-# Numbers that writers of height maps use for it, besides the ends of their type (GDAL's and Esri's formats).
+# Numbers that programs write for 'no data', besides the ends of the type's range (formats of GDAL and Esri).
 CUSTOMARY = (-9999.0, -99999.0, -32767.0, -32768.0, 65535.0)
-_RELAXATIONS = 12
-_RADII = (64, 32, 16, 8, 4, 2, 1)
-_PASSES = 2
+_RELAXATIONS = 12  # relaxations of filled pixels at each size of blocks
+_RADII = (64, 32, 16, 8, 4, 2, 1)  # [pixels] radii of the averages that smooth a staircase, in order of use
+_PASSES = 2  # averages with each radius
 
 
 @dataclass(frozen=True)
 class Staircase:
-    """Facts about the numbers of a map.
+    """Levels of a map's heights.
 
     Attributes:
-        levels: how many different heights the map has (0 where there are more than 256).
-        step: difference of two neighbouring levels [units of the map].
-        found: the heights climb in single steps, with flats between: a smooth surface stored coarsely.
+        levels: number of different heights; 0 if there are more than 256.
+        step: smallest difference of two levels [unit of the map]; 0 if there are fewer than 2 levels or more than 256.
+        found: whether the map is a smooth surface that is stored in few levels, see `staircase`.
     """
 
     levels: int
@@ -40,14 +42,24 @@ class Staircase:
 
 
 def holes_in(values: NDArray[np.floating], declared: NDArray[np.bool_] | None = None) -> NDArray[np.bool_]:
-    """Return where a map has no height: declared empty, not a finite number, or 1e9 and beyond."""
+    """Return the pixels of a map that have no height, as booleans.
+
+    A pixel has no height if it is declared as empty, if it is not a finite number, or if its absolute value is at least
+    `FAR`.
+
+    Args:
+        declared: pixels that are known to be empty, booleans, same shape as `values`.
+    """
     with np.errstate(invalid="ignore"):
         holes = ~(np.abs(values) < FAR)
     return holes if declared is None else holes | declared
 
 
 def holds(values: NDArray[Any], number: float) -> NDArray[np.bool_]:
-    """Return where a map holds a number, as its own precision would store it: 0.1 is another one in float32."""
+    """Return the pixels of a map that are equal to a number, as booleans.
+
+    The number is first rounded to the precision of the map, since 0.1 in float32 differs from 0.1 in float64.
+    """
     if values.dtype.kind != "f":
         return np.asarray(values.astype(np.float64) == number)
     with np.errstate(over="ignore"):
@@ -55,10 +67,14 @@ def holds(values: NDArray[Any], number: float) -> NDArray[np.bool_]:
 
 
 def likely_holes(depths: Array, *, coarse: bool = False) -> int:
-    """Return how many zeros of a depth map, shape (n,), stand for 'nothing measured'; 0 where they are depths.
+    """Return how many zeros of a depth map stand for 'nothing measured'.
+
+    The result is 0 if the zeros are depths.
 
     Args:
-        coarse: the depths are brightness of few levels, in which black is a depth.
+        depths: shape (n,).
+        coarse: whether the depths are brightness in few levels. Black is a depth then, unless many pixels are black
+            and the other depths stand apart from black.
     """
     if not depths.size or (depths < 0.0).any():
         return 0
@@ -66,14 +82,18 @@ def likely_holes(depths: Array, *, coarse: bool = False) -> int:
 
 
 def likely_no_data(values: Array, ends: Sequence[float]) -> tuple[float, int] | None:
-    """Return the number that most likely stands for 'no data', and how many pixels hold it; None where none does.
+    """Return the number that most likely stands for 'no data', and its count.
 
-    It is the largest or the least number, and apart from all others by more than they differ among each other. A number
-    at an end of its type may be in few pixels, or nearer to the others where it is in many; any other is in many.
-    Zero is the ground that reliefs stand on, and never one.
+    The count is the number of pixels that are equal to it. The result is None if no number stands for 'no data'.
+
+    Only the smallest and the largest number are considered. Its distance from all other numbers must be larger than
+    the range of the other numbers, and many pixels must be equal to it. For a number in `ends`, one of two weaker
+    conditions is enough: few pixels at that distance, or many pixels at a smaller distance (see `NEAREST`). Zero is
+    never returned, because it is the ground of reliefs.
 
     Args:
-        values: heights or depths, shape (n,). ends: numbers at an end of their type, or customary for it.
+        values: heights or depths, shape (n,).
+        ends: ends of the range of the numbers' type, and numbers that are customary for 'no data'.
     """
     if not values.size:
         return None
@@ -90,9 +110,14 @@ def likely_no_data(values: Array, ends: Sequence[float]) -> tuple[float, int] | 
 
 
 def _far_off(values: Array, number: float) -> int:
-    """Return how many values are a number, however few; 0 where it is no farther from the others than they differ.
+    """Return how many values are equal to a number far from all others.
 
-    One other number is enough beside a negative one. Beside others it makes a mask, which has two levels.
+    The count may be small. The result is 0 if the distance of the number from all other values is not larger than
+    their range. If all other values are equal, the result is 0 unless the number is negative: two levels that are not
+    negative are a mask.
+
+    Args:
+        values: shape (n,).
     """
     same = values == number
     others = values[~same]
@@ -105,7 +130,14 @@ def _far_off(values: Array, number: float) -> int:
 
 
 def _stands_apart(values: Array, number: float, least: float) -> int:
-    """Return how many values are a number; 0 where they are few, or another is as near to it as this part of all."""
+    """Return how many values are equal to a number that stands apart.
+
+    The result is 0 if few values are equal to the number (see `FREQUENT`), if the distance to the nearest other value
+    is at most `least` times the distance to the farthest, or if the other values have fewer than 16 levels.
+
+    Args:
+        values: shape (n,).
+    """
     same = values == number
     count = int(np.count_nonzero(same))
     if count < max(FREQUENT * len(values), 1) or count == len(values):
@@ -114,18 +146,20 @@ def _stands_apart(values: Array, number: float, least: float) -> int:
     distances = np.abs(others - number)
     if distances.min() <= least * distances.max():
         return 0
-    return count if len(np.unique(_few(others))) >= FEWEST_LEVELS else 0  # fewer are a mask or terraces, meant so
+    return count if len(np.unique(_few(others))) >= FEWEST_LEVELS else 0  # fewer are a mask or terraces
 
 
 def filled(values: Array, holes: NDArray[np.bool_]) -> Array:
-    """Fill holes from their rims, smoothly and without ever leaving the range of the known heights.
+    """Return a map whose holes are filled smoothly from their rims.
 
-    Known heights are averaged over blocks of doubling size until every block has one; on the way back each hole
-    takes its block's height and is relaxed towards the mean of its four neighbours (Laplace's equation). Every
-    step is an average, so no peak, pit or slope steeper than the rim's own appears.
+    Known heights are averaged over blocks of doubling size until every block has a height. Then, from large blocks to
+    small ones, each hole gets the height of its block and is relaxed towards the mean of its four neighbours (Laplace's
+    equation). Every step is an average. The filled heights therefore stay in the range of the known heights, and no
+    peak, pit or slope steeper than that of the rim appears.
 
     Args:
-        values: shape (rows, columns); at least one pixel is not a hole.
+        values: heights, shape (rows, columns).
+        holes: pixels to be filled, booleans, same shape; at least one pixel is not a hole.
     """
     known = ~holes
     if known.all():
@@ -136,7 +170,7 @@ def filled(values: Array, holes: NDArray[np.bool_]) -> Array:
         levels.append((sums, counts))
         if (counts > 0).all() or sums.size == 1:
             break
-        # Blocks count as one known height each, else a far corner full of pixels would outweigh the rim.
+        # Each block counts as one known height. Otherwise a distant corner with many pixels would outweigh the rim.
         means = np.divide(sums, counts, out=np.zeros_like(sums), where=counts > 0)
         present = (counts > 0).astype(np.float64)
         sums, counts = _halved(means), _halved(present)
@@ -154,10 +188,14 @@ def filled(values: Array, holes: NDArray[np.bool_]) -> Array:
 
 
 def staircase(values: NDArray[np.floating]) -> Staircase:
-    """Look whether a map is a smooth surface stored in few levels, as 8-bit images are.
+    """Return the levels of a map, and whether it is a staircase.
 
-    Sixteen levels at least (a mask or a few terraces are meant as they are) and 256 at most, all multiples of one
-    step, and more than a quarter of all changes between neighbours by exactly one step.
+    A staircase is a smooth surface that is stored in few levels, as in 8-bit images. It has 16 to 256 levels. Fewer
+    levels are a mask or terraces, which are intended. The levels have distances that are multiples of one step, and
+    more than a quarter of all changes between neighbouring pixels are a single step.
+
+    Args:
+        values: heights, shape (rows, columns).
     """
     levels = np.unique(_few(values))
     if len(levels) > MAX_LEVELS or len(levels) < 2:
@@ -174,14 +212,14 @@ def staircase(values: NDArray[np.floating]) -> Staircase:
 
 
 def smoothed(values: Array, step: float) -> Array:
-    """Smooth a staircase within the heights that would have been stored alike.
+    """Return a smoothed staircase that still rounds to the same levels.
 
-    The map is averaged over squares of shrinking size, and after each average brought back to within half a step
-    of the stored number. The result therefore rounds to the same levels: edges of more than a step stay sharp.
+    The map is averaged over squares of decreasing size. After each average, the heights are limited to half a step
+    above and below the stored ones. Edges of more than one step therefore stay sharp.
 
     Args:
-        values: shape (rows, columns).
-        step: difference of two levels.
+        values: heights, shape (rows, columns).
+        step: difference of two neighbouring levels [unit of the map].
     """
     low, high = values - 0.5 * step, values + 0.5 * step
     result = values
@@ -192,7 +230,10 @@ def smoothed(values: Array, step: float) -> Array:
 
 
 def _few(values: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return the values, or only a sample that already shows too many levels: sorting a large map is slow."""
+    """Return all values, or a sample of them if it has too many levels.
+
+    A sample is enough then, and sorting a large map is slow. The result has the shape (n,).
+    """
     sample = values.ravel()[:: max(1, values.size // 65536)]
     return sample if len(np.unique(sample)) > MAX_LEVELS else values.ravel()
 
@@ -210,7 +251,10 @@ def _neighbours(values: Array) -> Array:
 
 
 def _box(values: Array, radius: int, axis: int) -> Array:
-    """Average over 2 radius + 1 pixels; beyond the border the surface goes on with its slope (point reflection)."""
+    """Return averages over 2 radius + 1 pixels along an axis.
+
+    Beyond the border, the surface is continued with its slope (reflection in a point).
+    """
     radius = min(radius, (values.shape[axis] - 1) // 2)
     if radius < 1:
         return values

@@ -1,4 +1,4 @@
-"""The transient of making contact: a decaying sine along the speed of impact.
+"""Contact transient: a decaying sine along the velocity of impact.
 
 Source: [S3] eq. 1, after Okamura et al. 2001.
 """
@@ -14,7 +14,8 @@ from ..errors import DermisError
 
 # A transient ends when its envelope has fallen to this fraction of the device's range (2 pm of 2 mm).
 END = 1e-9
-# A tangential part of less than this share of the impact does not decide to which side the normal part turns.
+# The normal part of an impact is turned to the side of the tangential part only if the tangential part is at least this
+# share of the impact.
 SIDE_SHARE = 0.1
 
 
@@ -26,20 +27,24 @@ def displacement(
     decay: float | Array,
     frequency: float | Array,
 ) -> Array:
-    """Return d = -alpha_c exp(-lambda t) sin(2 pi f t) v_c with t since each onset; overlapping transients add.
+    """Return the displacement of contact transients.
+
+    Each transient is d = -alpha_c exp(-lambda t) sin(2 pi f t) v_c, with the time t since its onset. Overlapping
+    transients are added.
 
     Args:
-        times: [s], rising, shape (n,).
-        onsets: instants of making contact [s], shape (e,); they may lie between two times.
-        velocities: speed at each contact, v_c [m/s], shape (e, k).
-        amplitude: alpha_c [1/(m/s)], a fraction of the device's range for each m/s. One number, or shape (e,).
-        decay: lambda [1/s]. frequency: f [Hz]. One number, or shape (e,).
+        times: [s], increasing, shape (n,).
+        onsets: instants of making contact [s], shape (e,); they may be between two times.
+        velocities: v_c, velocity of impact at each onset [m/s], shape (e, k).
+        amplitude: alpha_c [1/(m/s)], fraction of the device's range per m/s; one number or shape (e,).
+        decay: lambda [1/s], one number or shape (e,).
+        frequency: f [Hz], one number or shape (e,).
 
     Returns:
         displacement as a fraction of the device's range, shape (n, k).
 
     Raises:
-        DermisError: a decay or frequency below 0.
+        DermisError: a decay or a frequency is below 0.
 
     Source: [S3] eq. 1
     """
@@ -63,25 +68,30 @@ def displacement(
 
 
 def rings(tap: tuple[float, Array, float, float, float], time: float) -> bool:
-    """Return whether a tap of an instant, velocity, amplitude and decay still moves anything at a time [s]."""
+    """Return whether a transient has not ended at a time.
+
+    Args:
+        tap: onset [s], velocity of impact [m/s], amplitude [1/(m/s)], decay [1/s] and frequency [Hz].
+        time: [s].
+    """
     onset, velocity, amplitude, decay = tap[:4]
     return abs(amplitude) * math.sqrt(float(velocity @ velocity)) * math.exp(-decay * (time - onset)) > END
 
 
 def tilted(velocities: Array, axis: Array) -> Array:
-    """Return impact velocities with their normal part turned into the plane of the pad.
+    """Return velocities with the normal part turned into the pad's plane.
 
-    A tactor that only shears cannot show the velocity of a straight tap, which is normal to the pad. Its normal part
-    therefore turns to a pad axis that the device's preset declares. It turns to the side to which the tangential part
-    already points along that axis, so that the two add and no direction of impact is lost; to the axis itself where
-    the tangential part points to neither.
+    A tactor that only moves in the pad's plane cannot render the velocity of a straight tap, which is normal to the
+    pad. The normal part of each velocity is therefore turned to an axis in the pad's plane that the device's preset
+    states. Its sign is that of the tangential part along the axis. The two parts then add, and no direction of impact
+    is lost. If the tangential part along the axis is too small, the sign is positive.
 
     Args:
-        velocities: in the finger's frame [m/s], shape (e, 3).
+        velocities: velocities of impact in the finger's frame [m/s], shape (e, 3).
         axis: unit vector in the pad's plane, shape (2,).
 
     Returns:
-        velocities in the pad's plane, their normal component 0, shape (e, 3).
+        velocities in the pad's plane [m/s], shape (e, 3); the normal component is 0.
 
     Source: a decision of Dermis on [S3] eq. 1
     """

@@ -1,8 +1,10 @@
-"""Voice-coil tracks as AHAP, the haptic patterns of Apple's Core Haptics, version 1.
+"""Voice-coil tracks as AHAP, the patterns of Apple's Core Haptics.
 
-One continuous event for each 30 s, and parameter curves of intensity and sharpness, of 16 points each: their limits.
-A phone has another actuator, so both are relative. Intensity is the square root of the amplitude, as in Meta's
-converter from .haptic. Sharpness 0 to 1 is 65 to 300 Hz, as in MPEG's reference encoder, cut off beyond.
+Files have version 1. An event lasts up to 30 s and a parameter curve has up to 16 points, which are Apple's limits.
+Longer tracks have several continuous events and several curves of intensity and sharpness. Both quantities are
+relative, since the actuator of a phone differs from the coil. Intensity is the square root of the amplitude, as in
+Meta's converter from .haptic. Sharpness 0 to 1 stands for 65 to 300 Hz, as in MPEG's reference encoder. Frequencies
+outside this range are set to its limits.
 
 Source: Apple, *Representing haptic patterns in AHAP files*; times of control points count from their curve's
 """
@@ -21,13 +23,15 @@ from ..files import write_bytes
 from .command_track import CommandTrack
 from .vibration import Vibration, vibration_of
 
-POINTS = 16  # of one parameter curve
-LONGEST = 30.0  # [s] of one continuous event
-SOFT, SHARP = 65.0, 300.0  # [Hz] of sharpness 0 and 1
+POINTS = 16  # largest number of points of a parameter curve
+LONGEST = 30.0  # [s] longest continuous event
+SOFT, SHARP = 65.0, 300.0  # [Hz] frequencies of sharpness 0 and 1
 
 
 def write(track: CommandTrack, path: Path) -> tuple[Finding, ...]:
-    """Write a voice coil's track as an AHAP file, in one atomic step; return findings about it.
+    """Write a voice coil's track as an AHAP file; return the findings.
+
+    The file is written in one atomic step.
 
     Raises:
         DermisError: see `vibration_of`; or the file cannot be written.
@@ -64,7 +68,7 @@ def sharpness(hertz: Array) -> Array:
 
 
 def sharpness_findings(track: CommandTrack, vibration: Vibration) -> tuple[Finding, ...]:
-    """Return a finding where frequencies are beyond those that a sharpness stands for."""
+    """Return a finding if frequencies are outside the range of sharpness."""
     hertz = vibration.frequency[1]
     beyond = (hertz < SOFT) | (hertz > SHARP)
     if not beyond.any() or not vibration.amplitude[1].any():
@@ -83,7 +87,15 @@ def sharpness_findings(track: CommandTrack, vibration: Vibration) -> tuple[Findi
 
 
 def _curves(name: str, times: Array, values: Array) -> list[dict[str, Any]]:
-    """Return a curve in parts, each of which begins with the last point of the one before."""
+    """Return a curve in parts of up to 16 points.
+
+    Each part begins with the last point of the part before.
+
+    Args:
+        name: parameter in the file.
+        times: [s], shape (n,).
+        values: shape (n,).
+    """
     parts = []
     for first in range(0, max(len(times) - 1, 1), POINTS - 1):
         rows = slice(first, first + POINTS)

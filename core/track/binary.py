@@ -1,18 +1,18 @@
-"""Command tracks as compact binary, version 1: four bytes a sample and channel, checked by a CRC.
+"""Command tracks as compact binary, version 1: 4 bytes per value.
 
-Little-endian:
+A file is little-endian and has a check sum:
 
-    8 bytes   magic 89 44 52 4D 54 0D 0A 01 (0x89 "DRMT" CR LF, version 1): text-mode copies are noticed
-    u32       length of the header
-    header    UTF-8 JSON: device, channels, times, meta, limited, `low` and `high` per channel
-    f64[n]    times [s], only where they are no regular grid
+    8 bytes   magic 89 44 52 4D 54 0D 0A 01 (0x89 "DRMT" CR LF, version 1); a copy in text mode would change it
+    u32       length of the header [bytes]
+    header    UTF-8 JSON: schema, device, channels, times, meta, limited, `low` and `high` (one number per channel)
+    f64[n]    times [s], only if they are no regular grid
     u32[c][n] values, channel by channel: value = low + (high - low) * number / (2^32 - 1)
-    u32       CRC-32 (zlib's) of everything before it
+    u32       CRC-32 (that of zlib) of all bytes before it
 
-`low` and `high` are the smallest and largest value that the track has in that channel. The steps between them are
-even, so the error is at most (high - low) / 2^33 whatever the value: a part in 8.6e9 of the channel's movement, far
-below what any device resolves. Near zero that is less than the nine digits of a CSV: of a channel from -1 to 1,
-1.25e-11 comes back as some 1e-10, and 0 as a number that small. JSON keeps every digit.
+`low` and `high` are the smallest and the largest value of the track in a channel. The steps between them are equal, so
+the error of any value is at most (high - low) / 2^33. No device can resolve steps as small as that. For values
+near zero, CSV with its nine digits is more accurate: in a channel from -1 to 1, 1.25e-11 is read back as about 1e-10,
+and 0 as a number of that size. JSON keeps every digit.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from .track_header import check_finite, check_schema, grid_of, header_of, text_o
 
 SCHEMA = "dermis-track-binary 1"
 MAGIC = b"\x89DRMT\r\n\x01"
-STEPS = 2**32 - 1
-LARGEST = 1e150  # the difference of two such numbers is still one
+STEPS = 2**32 - 1  # largest number that stands for a value
+LARGEST = 1e150  # bound of values, so that the difference of two values is finite
 
 
 def write(track: CommandTrack, path: Path) -> None:
-    """Write a track as compact binary, whole or not at all.
+    """Write a track as compact binary in one atomic step.
 
     Raises:
-        DermisError: a value that is not finite, times that do not rise, or the file cannot be written.
+        DermisError: see `dumps`; or the file cannot be written.
     """
     write_bytes(Path(path), dumps(track))
 
@@ -49,7 +49,8 @@ def dumps(track: CommandTrack) -> bytes:
     """Return a track as bytes; equal tracks give equal bytes.
 
     Raises:
-        DermisError: a value that is not finite or 1e150 and more, or times that do not rise.
+        DermisError: a time or a value is not finite, the size of a value is 1e150 or more, the times do not rise, or
+            the header cannot hold an entry.
     """
     check_finite(track)
     if track.values.size and np.abs(track.values).max() >= LARGEST:
@@ -72,10 +73,10 @@ def dumps(track: CommandTrack) -> bytes:
 
 
 def read(path: Path) -> CommandTrack:
-    """Read a binary track.
+    """Read a track from a binary file.
 
     Raises:
-        DermisError: not a binary track of this version, or damaged.
+        DermisError: the file cannot be read, is no binary track of this version, or is damaged.
     """
     return loads(read_bytes(Path(path)), where=str(path))
 
@@ -84,7 +85,7 @@ def loads(data: bytes, *, where: str = "track") -> CommandTrack:
     """Read a track from bytes.
 
     Raises:
-        DermisError: not a binary track of this version, or damaged.
+        DermisError: the bytes are no binary track of this version, or are damaged.
     """
     if not data.startswith(MAGIC[:-1]):
         raise DermisError("not a binary track", where=where, value=data[:8].hex(" "), limit=MAGIC.hex(" "))

@@ -1,4 +1,7 @@
-"""Names of the files of one export: safe on every file system, and never two that some file system takes for one."""
+"""Names of the files of one export, valid and distinct everywhere.
+
+Every name is valid on every file system, and no file system takes two of them for the same name.
+"""
 
 from __future__ import annotations
 
@@ -12,16 +15,17 @@ from ..errors import Finding
 from .c_header import identifier
 
 _DEVICE = re.compile(r"con|prn|aux|nul|(com|lpt)[0-9\u00b9\u00b2\u00b3]", re.IGNORECASE)
-LONGEST = 200  # bytes of a stem: file systems take 255, and a number, a suffix and the ending of a part file follow it
-_SHORTEST = 16  # bytes that are kept of a part, so that people recognize it
-_DIGITS = 8  # of a hash at the end of a shortened name: 16 million names before two of them are likely to share one
+# [bytes] longest stem. File systems take 255, but a number, a suffix and the ending of an unfinished file follow.
+LONGEST = 200
+_SHORTEST = 16  # [bytes] shortest length to which a part is cut, without its hash, so that people recognize it
+_DIGITS = 8  # hexadecimal digits of the hash at the end of a shortened name
 
 
 class FileNames:
-    """The names that one export has given away so far; names come numbered -2, -3 where they would meet.
+    """Names that one export has used so far.
 
-    Names that are too long for a file are cut, and end in a hash of the whole. The same requests in the same order give
-    the same names.
+    A name that is used already gets a number: -2, -3 and so on. A name that is too long for a file is shortened and
+    ends in a hash of the whole name. The same requests in the same order give the same names.
     """
 
     def __init__(self) -> None:
@@ -29,16 +33,18 @@ class FileNames:
         self._cut: dict[str, str] = {}
 
     def take(self, stem: str, suffix: str = "", folder: Path | None = None) -> str:
-        """Return a name that was not given away before in this folder, and take it; a number stands before the suffix.
+        """Return a name that is not used yet in a folder, and mark it as used.
 
         Args:
-            stem: parts made by `safe`, with dots between. suffix: with its dot, or none.
+            stem: name without suffix: parts from `safe`, separated by dots.
+            suffix: suffix with its dot, or empty. A number is put before it.
+            folder: folder of the file; None if all files are in one folder.
         """
         number, place, short = 1, _place(folder), shortened(stem)
         while True:
             name = (short if number == 1 else f"{short}-{number}") + suffix
             keys: set[tuple[str, ...]] = {(place, folded(name))}
-            if suffix == ".h":  # headers of one sketch must differ in what everything in them begins with
+            if suffix == ".h":  # names in the headers of one sketch must begin differently
                 keys.add((place, "identifier", identifier(name.removesuffix(suffix))))
             if not keys & self._taken:
                 self._taken |= keys
@@ -48,7 +54,7 @@ class FileNames:
             number += 1
 
     def findings(self) -> tuple[Finding, ...]:
-        """Return one finding for each name that was cut."""
+        """Return one finding for each name that was shortened."""
         return tuple(
             Finding(
                 "info",
@@ -62,39 +68,49 @@ class FileNames:
         )
 
     def reserve(self, path: Path) -> None:
-        """Keep a file that is there already, such as one that is still to be read, from being overwritten."""
+        """Mark the name of an existing file as used, so that it is kept."""
         self._taken.add((_place(path.parent), folded(path.name)))
 
 
 def safe(name: str) -> str:
-    """Return a name that every file system takes: letters and digits of any language, '-' and '_'.
+    """Return a name that is valid on every file system.
 
-    Names that Windows keeps for its devices, whatever suffix follows, get a '_'.
+    It has letters and digits of any language, '-' and '_'. Other characters become '_'. Windows reserves some names for
+    devices, with any suffix. A '_' is added to such a name.
     """
     plain = "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
     return f"{plain}_" if _DEVICE.fullmatch(plain) else plain
 
 
 def shortened(stem: str) -> str:
-    """Return a stem of `LONGEST` bytes at most: its longest part is cut first, and ends in a hash of the whole stem."""
+    """Return a stem with at most `LONGEST` bytes.
+
+    The longest part is shortened first, and ends in a hash of the whole stem.
+    """
     tail = "-" + sha256(stem.encode()).hexdigest()[:_DIGITS]
     parts = [part.encode() for part in stem.split(".")]
     while (over := len(b".".join(parts)) - LONGEST) > 0:
         i = max(range(len(parts)), key=lambda k: len(parts[k]))
         kept = max(len(parts[i]) - over - len(tail), _SHORTEST)
-        if kept + len(tail) >= len(parts[i]):  # many short parts
+        if kept + len(tail) >= len(parts[i]):  # many short parts: cut the end
             return b".".join(parts)[: LONGEST - len(tail)].decode(errors="ignore") + tail
         parts[i] = parts[i][:kept].decode(errors="ignore").encode() + tail.encode()
     return b".".join(parts).decode()
 
 
 def folded(name: str) -> str:
-    """Return a name's form for comparison, since file systems may ignore case and Unicode composition."""
+    """Return the form of a name with which names are compared.
+
+    File systems may ignore case and the composition of Unicode characters.
+    """
     return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", name).casefold())
 
 
 def numbered(names: Sequence[str]) -> list[str]:
-    """Return names of which none is there twice: the second 'a' is 'a-2', unless that is there too."""
+    """Return distinct names: the second 'a' becomes 'a-2'.
+
+    If there is a name 'a-2' already, it becomes 'a-3', and so on.
+    """
     taken = set(names)
     out: list[str] = []
     for name in names:

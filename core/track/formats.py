@@ -1,4 +1,7 @@
-"""The formats of a track, by name, as menus and the command line offer them; the writers are loaded later."""
+"""Formats of track files, for menus and for the command line.
+
+The modules that write the files are loaded only when they are needed.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,16 @@ from ..parameters.wave import WAVE
 
 @dataclass(frozen=True)
 class Format:
-    """One view of a track.
+    """One format of track files.
 
     Attributes:
-        module: of this package. suffix: of its files. title, text: for menus.
-        levels: counts that it gives a channel's range; None where it does not quantise.
-        readable: it can be read back.
-        settings: rows of its options.
+        module: module of this package that writes the files.
+        suffix: ending of the files' names, with its dot.
+        title: name in menus.
+        text: description in menus.
+        levels: number of counts for the range of a channel; None if the format does not quantise.
+        readable: whether files can be read back.
+        settings: table of the options.
     """
 
     module: str

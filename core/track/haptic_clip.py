@@ -1,7 +1,8 @@
-"""Voice-coil tracks as .haptic files, version 1.0.0, of Meta's Haptics Studio and Lofelt's NiceVibrations.
+"""Voice-coil tracks as .haptic files, version 1.0.0.
 
-An amplitude of 0 to 1 and a frequency of 0 to 1 over time. In their converter to AHAP the sharpness is the square root
-of the frequency, so the frequency is the square of the sharpness in `ahap.py`.
+The format is that of Meta's Haptics Studio and of Lofelt's NiceVibrations. A file has curves of amplitude and frequency
+over time, both from 0 to 1. When these programs convert a file to AHAP, the sharpness is the square root of the
+frequency. The frequency in a file is therefore the square of the sharpness in `ahap.py`.
 
 Source: the data model of github.com/Lofelt/NiceVibrations, core/datamodel/src/v1.rs
 """
@@ -20,7 +21,9 @@ from .vibration import Vibration, vibration_of
 
 
 def write(track: CommandTrack, path: Path) -> tuple[Finding, ...]:
-    """Write a voice coil's track as a .haptic file, in one atomic step; return findings about it.
+    """Write a voice coil's track as a .haptic file; return the findings.
+
+    The file is written in one atomic step.
 
     Raises:
         DermisError: see `vibration_of`; or the file cannot be written.

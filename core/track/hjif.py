@@ -1,8 +1,9 @@
-"""Voice-coil tracks as .hjif, the interchange format of MPEG haptics (ISO/IEC 23090-31), Simple Parametric profile.
+"""Voice-coil tracks as .hjif, the interchange format of MPEG haptics.
 
-One vibrotactile perception with one channel and one band of the type *VectorialWave*: a sine whose amplitude, 0 to 1,
-and frequency, in whole Hz, go straight from key frame to key frame, in milliseconds. The reference device says what 1
-stands for. No day of writing is in the file, so that equal tracks give equal bytes: its date is that of the standard.
+The format is ISO/IEC 23090-31 with the Simple Parametric profile. A file has one vibrotactile perception with one
+channel and one band of the type *VectorialWave*. Such a band is a sine. Its amplitude (0 to 1) and frequency (whole Hz)
+are linear between key frames, whose times are whole milliseconds. The reference device of the file states the
+acceleration for an amplitude of 1. The date in the file is that of the standard, so equal tracks give equal bytes.
 
 Source: the reader of github.com/MPEGGroup/HapticReferenceSoftware, source/IOHaptics/src/IOJson.cpp
 """
@@ -18,11 +19,11 @@ from ..files import write_bytes
 from .command_track import CommandTrack
 from .vibration import Vibration, vibration_of
 
-TICKS = 1000  # a second: the only timescale of the profile
+TICKS = 1000  # [1/s] ticks per second, the only timescale of the profile
 
 
 def write(track: CommandTrack, path: Path) -> None:
-    """Write a voice coil's track as an .hjif file, whole or not at all.
+    """Write a voice coil's track as an .hjif file in one atomic step.
 
     Raises:
         DermisError: see `vibration_of`; or the file cannot be written.

@@ -1,8 +1,10 @@
-"""Command tracks as JSON, version 1: every float as its shortest exact decimal, one column a channel.
+"""Command tracks as JSON, version 1: exact floats.
 
+Every float is written as the shortest decimal that reads back as the same float. A file is
 `{"schema": "dermis-track-json 1", "device": ..., "channels": [...], "times": ..., "meta": ..., "limited": ...,
-"values": {"tactor_x": [...], ...}}`. Times on a regular grid are `{"count", "first", "rate"}`: sample k is at
-(first + k) / rate seconds. Other times stand in `values` under "t_s".
+"values": {"tactor_x": [...], ...}}`, with one list in `values` for each channel. `times` has the number of samples,
+`count`. On a regular grid it also has `first` and `rate`: sample k is at (first + k) / rate seconds. Other times are
+the list "t_s" in `values`.
 """
 
 from __future__ import annotations
@@ -24,10 +26,10 @@ SCHEMA = "dermis-track-json 1"
 
 
 def write(track: CommandTrack, path: Path) -> None:
-    """Write a track as JSON, whole or not at all.
+    """Write a track as JSON in one atomic step.
 
     Raises:
-        DermisError: a value that is not finite, times that do not rise, or the file cannot be written.
+        DermisError: see `dumps`; or the file cannot be written.
     """
     write_bytes(Path(path), dumps(track).encode("utf-8"))
 
@@ -36,7 +38,7 @@ def dumps(track: CommandTrack) -> str:
     """Return a track as JSON text; equal tracks give equal text.
 
     Raises:
-        DermisError: a value that is not finite, or times that do not rise.
+        DermisError: a time or a value is not finite, the times do not rise, or the file cannot hold an entry.
     """
     check_finite(track)
     header = header_of(track, SCHEMA)
@@ -51,10 +53,10 @@ def dumps(track: CommandTrack) -> str:
 
 
 def read(path: Path) -> CommandTrack:
-    """Read a JSON track.
+    """Read a track from a JSON file.
 
     Raises:
-        DermisError: not a JSON track of this version, or not well formed.
+        DermisError: the file cannot be read, is no JSON track of this version, or is not well formed.
     """
     where = str(path)
     return loads(read_text(path), where=where)
@@ -64,7 +66,7 @@ def loads(text: str, *, where: str = "track") -> CommandTrack:
     """Read a track from JSON text.
 
     Raises:
-        DermisError: not a JSON track of this version, or not well formed.
+        DermisError: the text is no JSON track of this version, or is not well formed.
     """
     header = check_schema(json_of(text, where, MAX_TEXT), SCHEMA, ("values",), where)
     number, times = grid_of(header, where)

@@ -1,4 +1,7 @@
-"""What version 1 of the CSV header knows: keys, kinds of devices, kinds of limiting; everything else is refused."""
+"""Keys, kinds of devices and kinds of limiting in headers of tracks.
+
+Everything that version 1 does not know is refused.
+"""
 
 from __future__ import annotations
 
@@ -11,8 +14,9 @@ from ..devices.kinds import KINDS
 from ..errors import DermisError
 from .command_track import LIMITED, CommandTrack
 
+# Keys of `meta` that are first in a CSV file, in this order.
 FIRST_META = ("generator", "finger", "scene", "frame_range", "fps", "content_hash")
-# Information that methods write about themselves.
+# Keys for information that rendering methods write about themselves.
 METHOD_META = (
     "method",
     "lead_s",
@@ -29,20 +33,20 @@ METHOD_META = (
     "scale",
     "law",
 )
-EXPORT_META = ("range", "forced")
-OTHERS_META = "x."  # what other programs note: read, kept and written again, never understood
-OWN_KEYS = ("device", "device_name", "kind", "spec_hash", "rate", "units", "samples")
-OWN_GROUPS = ("channel", "parameter", "wire", "limited")
+EXPORT_META = ("range", "forced")  # keys that an export adds
+OTHERS_META = "x."  # beginning of the keys of other programs, which are kept and written again, but not used
+OWN_KEYS = ("device", "device_name", "kind", "spec_hash", "rate", "units", "samples")  # keys that are not in `meta`
+OWN_GROUPS = ("channel", "parameter", "wire", "limited")  # beginnings, before a dot, of more such keys
 KEY = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 
 _FPS = re.compile(r"[0-9]{1,12}(/[0-9]{1,12}|\.[0-9]{1,12})?")
 
 
 def check_known(track: CommandTrack, where: str) -> None:
-    """Refuse to write content that the readers refuse: see `check_kind`, `check_meta` and `check_limited`.
+    """Raise an error for a track that readers would refuse.
 
     Raises:
-        DermisError: as said.
+        DermisError: see `check_kind`, `check_meta` and `check_limited`.
     """
     check_kind(track.spec.kind, where)
     for key, value in track.meta.items():
@@ -53,20 +57,20 @@ def check_known(track: CommandTrack, where: str) -> None:
 
 
 def check_kind(kind: str, where: str) -> None:
-    """Refuse a kind of device that there is not.
+    """Raise an error for an unknown kind of device.
 
     Raises:
-        DermisError: as said.
+        DermisError: the kind is unknown.
     """
     if kind not in KINDS:
         raise DermisError("unknown kind of device", where=where, value=kind[:80], limit=", ".join(KINDS))
 
 
 def check_meta(key: str, value: str, where: str) -> None:
-    """Refuse what version 1 does not know of a track's origin, and frames that are none.
+    """Raise an error for an invalid entry of a track's `meta`.
 
     Raises:
-        DermisError: an unknown key that does not begin with 'x.', or a frame rate or range that cannot be read.
+        DermisError: the key is unknown and does not begin with 'x.', or a frame rate or frame range is invalid.
     """
     known = (*FIRST_META, *EXPORT_META, *METHOD_META)
     if key not in known and not (key.startswith(OTHERS_META) and key != OTHERS_META):
@@ -84,14 +88,14 @@ def check_meta(key: str, value: str, where: str) -> None:
 
 
 def check_limited(key: str, names: Collection[str], where: str) -> None:
-    """Refuse a count of limited samples of no channel, or of no kind that a limiter has.
+    """Raise an error for an invalid key of a track's `limited`.
 
     Args:
         key: 'CHANNEL.KIND'.
-        names: names of the channels, as a set or the keys of a dict.
+        names: names of the channels, a set or the keys of a dict.
 
     Raises:
-        DermisError: as said.
+        DermisError: the kind of limiting is unknown, or the track has no channel of this name.
     """
     name, _, kind = key.rpartition(".")
     if kind not in LIMITED:

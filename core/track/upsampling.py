@@ -1,13 +1,14 @@
-"""Onto a faster grid, band-limited: smooth series keep their amplitude, and steps do not ring.
+"""Upsampling: band-limited interpolation of a series, without ringing.
 
-Between samples a series is the sum of windowed sinc functions, which passes through every sample. At a step such a sum
-overshoots by 9 % and rings before and after. It is therefore held within bounds: between two samples it may leave
-their range only where the series bends to the same side at both of them, and then by at most a quarter of the smaller
-second difference. Where a sinusoid has four samples a period or more, its true curve is within these bounds, so smooth
-series are not changed. At a step the bends have opposite signs, and the result stays between the two samples.
+Between samples, a series is interpolated by a sum of windowed sinc functions, which passes through every sample. At a
+step such a sum overshoots by 9 % and rings before and after. It is therefore limited. Between two samples the result
+may leave their range only if the series bends to the same side at both samples, and then by at most a quarter of the
+smaller second difference. The curve of a sinusoid with at least four samples per period is within these bounds, so
+smooth series are not changed and keep their amplitude. At a step the bends have opposite signs, so the result stays
+between the two samples.
 
-A series is unknown before its first sample and after its last. There it goes on as its own reflection in the
-end point. Within 24 samples of an end a fast series is therefore less accurate: 0.7 % where it has 20 samples a period.
+Before its first sample and after its last, a series is unknown. It is continued by its reflection in the end point.
+Within 24 samples of an end, fast series are therefore less accurate: the error is 0.7 % for 20 samples per period.
 
 Source of the bounds: Suresh and Huynh, J. Comput. Phys. 136 (1997), section 2, with the minmod function.
 """
@@ -22,16 +23,16 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ..arrays import Array
 from ..errors import DermisError
 
-HALF = 24  # samples to each side of a windowed sinc function
-# Kaiser's formula: 90 dB of attenuation; with 48 taps the pass band ends at 0.44 of the series' rate, which is beyond
-# the quarter to which the bounds let it through.
+HALF = 24  # samples on each side of a windowed sinc function
+# Parameter of the Kaiser window for an attenuation of 90 dB. With 48 taps, the pass band ends at 0.44 of the series'
+# rate. That is wide enough, because the bounds already change series above a quarter of the rate.
 BETA = 8.96
-PHASES = 20_000  # different positions between two samples for which weights are computed
-DRIFT = 1e-6  # [s] that the ratio of the rates may be off by at the last sample
+PHASES = 20_000  # largest number of different positions between two samples for which weights are computed
+DRIFT = 1e-6  # [s] largest error of the ratio of the rates at the last sample
 
 
 def ratio(rate: float, wanted: int, duration: float, where: str) -> Fraction:
-    """Return how many new samples there are for each one, as a ratio of whole numbers.
+    """Return the number of new samples per sample, a ratio of whole numbers.
 
     Args:
         rate: rate of the series [Hz].
@@ -39,7 +40,7 @@ def ratio(rate: float, wanted: int, duration: float, where: str) -> Fraction:
         duration: duration of the series [s].
 
     Raises:
-        DermisError: no such ratio keeps time within 1 us.
+        DermisError: no ratio of whole numbers up to `PHASES` keeps the time within 1 us up to the last sample.
     """
     found = (Fraction(wanted) / Fraction(rate)).limit_denominator(PHASES)
     off = abs(float(found) * rate / wanted - 1) * duration
@@ -58,18 +59,20 @@ def upsampled(values: Array, up: Fraction, low: float = -np.inf, high: float = n
     """Return a series on a faster grid, from its first sample to its last.
 
     Args:
-        values: at even times, finite, shape (n,), n >= 1. up: new samples for each one.
-        low, high: a range that the series keeps, and the result keeps too.
+        values: samples at equal intervals, finite, shape (n,), n >= 1.
+        up: number of new samples per sample.
+        low, high: range of the series; the result is limited to it.
 
     Returns:
-        Shape (floor((n - 1) * up) + 1,).
+        shape (floor((n - 1) * up) + 1,).
     """
     count = int((len(values) - 1) * up) + 1
     if len(values) == 1:
         return values.copy()
-    # Beyond its ends the series goes on as its own reflection in the end point, so that it has no kink there.
+    # Beyond its ends the series is continued by its reflection in the end point, so that it has no kink there.
     padded = np.pad(values, HALF, mode="reflect", reflect_type="odd")
-    windows = sliding_window_view(padded, 2 * HALF)  # window k has sample k in the middle of its lower half, at HALF
+    # Sample k is entry HALF of window k, so it is entry HALF - 1 of window k + 1, as `_weights` needs it.
+    windows = sliding_window_view(padded, 2 * HALF)
     bottom, top = _bounds(padded)
     result = np.empty(count)
     for phase in range(min(up.numerator, count)):
@@ -84,8 +87,15 @@ def upsampled(values: Array, up: Fraction, low: float = -np.inf, high: float = n
 
 
 def _bounds(padded: Array) -> tuple[Array, Array]:
-    """Return the least and the largest value behind each sample of the series, up to the next one, shapes (n,)."""
-    inner = padded[HALF - 1 : len(padded) - HALF + 2]  # a sample more before the series, and two behind it
+    """Return the bounds from each sample to the next: least, largest.
+
+    Args:
+        padded: series with `HALF` more samples on both sides, shape (n + 2 HALF,).
+
+    Returns:
+        two arrays of the shape (n,).
+    """
+    inner = padded[HALF - 1 : len(padded) - HALF + 2]  # one more sample before, two more after
     here, there, bends = inner[1:-2], inner[2:-1], np.diff(inner, 2)
     bend, after = bends[:-1], bends[1:]
     same = np.where(np.sign(bend) == np.sign(after), np.sign(bend), 0.0)
@@ -94,7 +104,14 @@ def _bounds(padded: Array) -> tuple[Array, Array]:
 
 
 def _weights(part: float) -> Array:
-    """Return the weights of the samples around a position `part` of the way from one to the next, shape (2 HALF,)."""
+    """Return the weights of samples for a position between two samples.
+
+    Args:
+        part: distance from the sample before the position, as a share of the interval, 0 to 1.
+
+    Returns:
+        weights of `HALF` samples before the position and `HALF` samples after it, shape (2 HALF,).
+    """
     away = part - np.arange(1 - HALF, HALF + 1)
     window = np.i0(BETA * np.sqrt(np.maximum(1.0 - (away / HALF) ** 2, 0.0)))
     weights = np.sinc(away) * window

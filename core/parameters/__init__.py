@@ -1,7 +1,9 @@
-"""Parameters: one row for each setting of a finger, a device on it, a material, a screen, a skin and a stream.
+"""Parameters: one row for each setting of scenes, skins and streams.
 
-Everything else about a setting follows from its row: the property in Blender's window, what presets and scenes may
-hold, the engine's values without them, and `core/PARAMETERS.md`. Search for a parameter's name to find its row
-and its uses; switches of effects and devices are read as `{effect}_on` and `use_{effect}`. The rows are plain data;
-kinds of device list theirs in `devices/kinds.py`.
+There are settings of a finger, a device on it, a material, a screen, a skin, a stream and a WAV file. Everything else
+about a setting follows from its row: the property in Blender's window, the values that presets and scenes may state,
+the engine's values if they do not state one, and `core/PARAMETERS.md`.
+
+To find the row and the uses of a setting, search for its name. Names of switches are built by the code that reads
+them: `{effect}_on` and `use_{effect}`. The rows are plain data. Those of a kind of device are in `devices/kinds.py`.
 """

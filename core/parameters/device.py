@@ -1,6 +1,6 @@
-"""Settings of a device on a finger, besides its preset: the parameters of a `DeviceUse`.
+"""Settings of a device on a finger: the parameters of a `DeviceUse`.
 
-Which kinds of device read which of them says `devices/kinds.py`.
+The preset of the device has parameters of its own. `devices/kinds.py` states which settings each kind of device uses.
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
-"""How far each model of tissue is from a neo-Hookean finger under the same touch: figures of legends and results.
+"""Errors of models of tissue, relative to a neo-Hookean finger.
 
-Both press the same mesh with the same object, each with its own contact, and share the law of friction: the figure
-is the error of the tissue alone, not of the shape or of a person's stiffness, nor of the mesh, see `MESH_STRESS`. Of
-tissue that follows the law it is how closely each frame is solved. Simulated, not measured on fingers.
+Legends and results show these errors. They were simulated, not measured on fingers. In each comparison, the model and
+the neo-Hookean finger have the same mesh, object, movement and law of friction. Contact is solved for each of them. The
+error is therefore that of the tissue alone. Errors of the shape, of a person's stiffness and of the mesh (see
+`MESH_STRESS`) are not included. For tissue that is neo-Hookean itself, the error shows how closely each frame is
+solved.
 """
 
 from __future__ import annotations
@@ -14,18 +16,23 @@ from ..errors import DermisError
 from ..units import finite
 
 LINEAR, NEO_HOOKEAN = "linear", "neo_hookean"
-DEPTHS = (0.5e-3, 1e-3, 1.5e-3, 2e-3, 3e-3, 4e-3)  # that a touch was pressed to, not slid [m]
-SLIDES = (0.0, 0.5e-3, 1e-3, 1.5e-3, 2e-3, 3.5e-3)  # that loaded skin was then drawn along itself, 2 mm deep [m]
-SLID_AT = 2e-3  # depth of the slides [m]
+DEPTHS = (0.5e-3, 1e-3, 1.5e-3, 2e-3, 3e-3, 4e-3)  # [m] depths of the touches without a slide
+SLIDES = (0.0, 0.5e-3, 1e-3, 1.5e-3, 2e-3, 3.5e-3)  # [m] tangential displacements of the loaded skin, see `SLID_AT`
+SLID_AT = 2e-3  # [m] depth of the touches with a slide
 
-# Error that the standard mesh adds to that of neo-Hookean stress so deep below the skin [m]: contact on points, pressed
-# 2 mm deep, against converged meshes of the same law; the worst of a ball, a plane and a cylinder, less the references'
-# own errors (`bench nl_true_`).
+# Relative error that the standard mesh adds to the neo-Hookean stress, by the depth below the skin [m]. It is the error
+# against converged meshes of the same law, for contact on points and a touch 2 mm deep. The largest error of a ball, a
+# plane and a cylinder is taken, less the errors of the references (`bench nl_true_`).
 MESH_STRESS = {0.3e-3: 0.14, 1.6e-3: 0.10}
 
 
 class Spread(NamedTuple):
-    """Relative errors of one kind: half and a tenth of the touches are farther off."""
+    """Distribution of a relative error over many touches.
+
+    Attributes:
+        median: half of the touches have a larger error.
+        p90: a tenth of the touches have a larger error.
+    """
 
     median: float
     p90: float
@@ -43,8 +50,8 @@ class ErrorBand(NamedTuple):
     force: Spread
 
 
-# of `python -m tests.benchmarks.nonlinear_reference bands`: median and 90th percentile, at DEPTHS and at SLIDES; of
-# slides never less than of shorter ones
+# Median and 90th percentile at DEPTHS and at SLIDES, from `python -m tests.benchmarks.nonlinear_reference bands`. The
+# errors at a slide are raised to those at shorter slides if they are smaller.
 _BY_DEPTH: dict[str, dict[str, tuple[tuple[float, float], ...]]] = {
     LINEAR: {
         "stress": ((0.068, 0.088), (0.125, 0.160), (0.185, 0.221), (0.243, 0.293), (0.367, 0.417), (0.521, 0.689)),
@@ -70,17 +77,20 @@ _BY_SLIDE: dict[str, dict[str, tuple[tuple[float, float], ...]]] = {
 def error_band(tissue: str, depth: float, slide: float = 0.0) -> ErrorBand:
     """Return the error of a model of tissue.
 
-    Between the measured depths and slides errors are interpolated, from none at rest; beyond the last they are the
-    last ones, and `validated` says so. A slide adds its error 2 mm deep, by share of the depth where it is less.
-    What counts of a slide is how far friction draws skin along itself: where it slips, skin is drawn no farther.
+    Errors are interpolated between the measured depths and slides. At a depth of 0 they are 0. Beyond the largest depth
+    or slide they are those of the largest, and `validated` returns False.
+
+    A slide adds the error that it adds at a depth of 2 mm. At a smaller depth, the added error is reduced in proportion
+    to the depth.
 
     Args:
         tissue: 'linear' or 'neo_hookean'.
         depth: depth of the undeformed skin inside the object [m].
-        slide: that loaded skin is drawn along itself, on average by its load, `PathStep.slide` [m].
+        slide: mean tangential displacement of the loaded skin by friction, weighted by load, see `PathStep.slide` [m].
+            Slip does not add to it.
 
     Raises:
-        DermisError: an unknown tissue, or a depth or slide that is not finite or below zero.
+        DermisError: the tissue is unknown, or the depth or the slide is not finite or is below zero.
     """
     _check(tissue, depth, slide)
     share = min(depth / SLID_AT, 1.0)
@@ -96,10 +106,12 @@ def error_band(tissue: str, depth: float, slide: float = 0.0) -> ErrorBand:
 
 
 def validated(tissue: str, depth: float, slide: float = 0.0) -> bool:
-    """Return whether errors were measured as deep and as far.
+    """Return whether errors were measured up to this depth and slide.
+
+    The arguments are those of `error_band`.
 
     Raises:
-        DermisError: as `error_band`.
+        DermisError: see `error_band`.
     """
     _check(tissue, depth, slide)
     return depth <= DEPTHS[-1] and slide <= SLIDES[-1]
@@ -114,7 +126,13 @@ def _check(tissue: str, depth: float, slide: float) -> None:
 
 
 def _between(at: float, places: Sequence[float], values: Sequence[float]) -> float:
-    """Return the line through values at rising places; the last value beyond the last."""
+    """Return a value by linear interpolation.
+
+    Args:
+        at: place of the value, at least the first of `places`. Beyond the last place, the last value is returned.
+        places: increasing numbers.
+        values: one for each place.
+    """
     for low, high, first, second in zip(places, places[1:], values, values[1:], strict=False):
         if at <= high:
             return first + (second - first) * (at - low) / (high - low)

@@ -1,4 +1,7 @@
-"""Settings of a fingertip, besides its skin and its devices: the parameters of a `Finger`."""
+"""Settings of a fingertip: the parameters of a `Finger`.
+
+The settings of its skin are in `skin.py`, and those of its devices are in `device.py`.
+"""
 
 from __future__ import annotations
 

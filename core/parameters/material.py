@@ -1,13 +1,16 @@
-"""What something that can be touched is made of, and how it behaves: the parameters of a `Body`.
+"""Settings of an object that can be touched: parameters of a `Body`.
 
-`MATERIAL` has the rows of a haptic material's preset; `BODY` also those of an object in a scene.
+`MATERIAL` has the rows of a preset of a haptic material. `BODY` has the same rows, and those that belong to an object
+in a scene.
 """
 
 from __future__ import annotations
 
 from .parameter import SWITCH, TEXT, Parameter, table
 
-FRICTION = 0.6  # [1] of skin on a dry surface that nobody described. Source: Seo 2009, abstract: finger on aluminium
+FRICTION = (
+    0.6  # [1] friction of skin on a dry surface that states none. Source: Seo 2009, abstract: finger on aluminium
+)
 
 _OFF = "amplitude 0 by default, so that a bare scene is still; the window starts with a perceptible one"
 _ON = "on by default, at amplitude 0; off in the window until it is enabled"
@@ -309,7 +312,7 @@ BODY = table(
         note="about as fast as a hand turns back; of use to simulated skin",
     ),
 )
-# Decides on an object's surface while a scene is sampled; the engine gets it curved already, in `Body.mesh`.
+# Used while Blender's scene is sampled. The engine gets a surface that is already curved, in `Body.mesh`.
 CURVED = Parameter(
     name="curved",
     unit=SWITCH,

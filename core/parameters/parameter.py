@@ -11,33 +11,36 @@ from ..errors import DermisError
 from ..units import UNITS, finite
 
 SWITCH, TEXT, NAMES = "true or false", "a text", "a list of texts"
-LARGEST = 1e9  # in SI: beyond every length, force, stiffness or rate that there is
-_SAME: Any = object()
+LARGEST = 1e9  # bound of numbers, in SI, for rows that state none
+_SAME: Any = object()  # stands for an `absent` that is not stated
 
 
-@dataclass(kw_only=True, eq=False, repr=False)  # frozen costs the add-on 1 ms whenever Blender starts
+@dataclass(kw_only=True, eq=False, repr=False)  # not frozen, which takes 1 ms whenever Blender starts
 class Parameter:
-    """One setting. Every number here is SI.
+    """One setting, with all numbers in SI.
 
     Attributes:
-        name: in scenes, presets and the engine.
-        unit: SI, '1' for a plain number, '' for one whose unit others give; or `SWITCH`, `TEXT`, `NAMES`.
+        name: name in scenes, presets and the engine.
+        unit: SI unit; '1' for a plain number; '' if another setting states the unit; or `SWITCH`, `TEXT`, `NAMES`.
         text: description.
-        source: source of its meaning or of its default; 'chosen' if none is published.
-        default: value of a new item in Blender's window; None where a preset need not state it.
-        absent: value where a scene or preset does not state it; the default unless given.
-        above, low, high: every number is above, at least, at most this; in the window, in presets and in scenes alike.
-        whole: no fractions.
+        source: source of the meaning or of the default; 'chosen' if none is published.
+        default: value of a new item in Blender's window; None if there is none.
+        absent: value if a scene or preset states none; `default` if `absent` is not stated.
+        above, low, high: every number is above `above`, at least `low` and at most `high`, in the window, in presets
+            and in scenes. `above` may be None.
+        whole: whether only whole numbers are allowed.
         choices: possible values of a text: stored value, label and description of each.
-        besides: values that scripts may use although the window does not offer them.
-        size: how many numbers: None for one alone, n for a list of n, 0 for a list of any length, -1 for a table.
-        required: a preset must have it.
-        note: where the window, presets or the engine differ, and why.
+        besides: more values that scripts may use, but the window does not offer.
+        size: None for one number, n for a list of n numbers, 0 for a list of any length, -1 for a table of numbers.
+        required: whether a preset must state a value.
+        note: differences between the window, presets and the engine, and their reasons.
         label: label in the window.
-        saved: the property's name in a .blend, which never changes.
-        window_unit: the unit of the property's value; that of the parameter unless stated.
-        soft: where sliders end; the range where None. digits: behind the point.
-        keyed: it may change over a scene. file: the text is the path of a file.
+        saved: name of the property in a .blend, which must never change.
+        window_unit: unit of the property in the window; `unit` if it is not stated.
+        soft: lower and upper end of the slider in the window; None for `low` or `high`.
+        digits: number of digits after the decimal point in the window.
+        keyed: whether the value may change over a scene.
+        file: whether the text is the path of a file.
     """
 
     name: str = ""
@@ -71,7 +74,7 @@ class Parameter:
 
     @property
     def numeric(self) -> bool:
-        """Whether its values are numbers."""
+        """Whether the values are numbers."""
         return self.unit not in (SWITCH, TEXT, NAMES)
 
     @property
@@ -81,7 +84,7 @@ class Parameter:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Allowed texts; empty where any is allowed."""
+        """Allowed texts; empty if any text is allowed."""
         return (*(key for key, _, _ in self.choices), *self.besides)
 
     @property
@@ -99,10 +102,16 @@ class Parameter:
         return f">= {low}{unit}" if self.high >= LARGEST else f"{low} to {high}"
 
     def of(self, values: Mapping[str, Any], where: str = "") -> Any:
-        """Return its value among those of a scene or preset, in SI; what holds where they do not say.
+        """Return the value of the setting in a scene or preset, in SI.
+
+        If the scene or preset states none, the value is `absent`.
+
+        Args:
+            values: stated values by name, in SI.
+            where: place of the values, for an error.
 
         Raises:
-            DermisError: another kind of value, or one out of range.
+            DermisError: the value has another kind, or is out of range.
         """
         if self.name not in values:
             return self.absent
@@ -111,13 +120,17 @@ class Parameter:
         return value
 
     def check(self, value: Any, where: str, unit: str | None = None) -> None:
-        """Refuse a value, in SI, that it cannot have.
+        """Raise an error for a value that the setting cannot have.
 
         Args:
-            unit: the one that it was written in, by a preset; a preset's switches are no numbers.
+            value: any value; numbers in SI.
+            where: place of the value, for an error.
+            unit: unit in which a preset states the value; None if the value is not from a preset. The switches of a
+                preset must be booleans. Other switches may also be 0 or 1.
 
         Raises:
-            DermisError: another kind of value, unit, number of numbers, or a number out of range.
+            DermisError: the value or its unit has another kind, the number of numbers is wrong, or a number is out of
+                range.
         """
         place = f"{where}, {self.name}" if where else self.name
         if self.choices and value not in self.keys:
@@ -152,7 +165,7 @@ class Parameter:
             plain = self.window_unit in ("", "1") or not finite(number)
             found = number if plain else f"{number / self.factor:g} {self.window_unit}"
             limit = self.allowed
-            if number > self.high >= LARGEST and finite(number):  # an end that goes without saying else
+            if number > self.high >= LARGEST and finite(number):  # a default bound, which is not in `allowed`
                 limit = f"<= {self.high / self.factor:g} {'' if plain else self.window_unit}".rstrip()
             raise DermisError(f"'{self.name}' {what}", where=where, value=found, limit=limit)
 
@@ -164,7 +177,7 @@ class Parameter:
         return isinstance(value, bool) or (not strict and _is_number(value) and value in (0, 1))
 
     def _numbers(self, value: Any) -> list[float] | None:
-        """Return a value's numbers; None where it is not of the size wanted."""
+        """Return the numbers of a value; None if it does not fit `size`."""
         if self.size is None:
             return [value] if _is_number(value) else None
         if not isinstance(value, list) or (self.size > 0 and len(value) != self.size):
@@ -185,7 +198,7 @@ Table = Mapping[str, Parameter]
 
 
 def table(*rows: Parameter) -> Table:
-    """Return rows by name, in their order."""
+    """Return rows by name, in the given order."""
     return MappingProxyType({row.name: row for row in rows})
 
 

@@ -1,4 +1,4 @@
-"""Settings of a touch screen: the parameters of a `Screen`, and how high its relief is."""
+"""Settings of a touch screen: parameters of a `Screen`, and its relief."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SCREEN = table(
         note="the finger's own where a screen does not say",
     )
 )
-# Of a relief that is a sequence of maps; a scene with one map says nothing of it.
+# Settings of a relief that is a sequence of maps. A scene with a single map does not state them.
 SEQUENCE = table(
     Parameter(
         name="sequence_start",
@@ -42,7 +42,7 @@ SEQUENCE = table(
         note="one a frame where a scene does not say; Blender's sequences are",
     ),
 )
-# Makes a map's values to lengths while a scene is sampled; the engine gets `Screen.height_unit`.
+# Converts a map's values to lengths while Blender's scene is sampled. The engine gets `Screen.height_unit` instead.
 HEIGHT = Parameter(
     name="height",
     unit="m",
@@ -56,7 +56,7 @@ HEIGHT = Parameter(
     soft=(None, 20e-3),
     digits=3,
 )
-# The stored number of a map that is no height: `no_data` of the reader of maps.
+# Numbers in a map's file that are no heights: `no_data` of `depth_map.read`.
 NO_DATA = Parameter(
     name="no_data",
     unit=TEXT,
@@ -67,7 +67,7 @@ NO_DATA = Parameter(
     default="",
     note="scripts give `depth_map.read` it as `no_data`",
 )
-UNITS_OF_MAPS = {"white": None, "m": 1.0, "mm": 1e-3, "um": 1e-6}  # metres that one stored number stands for
+UNITS_OF_MAPS = {"white": None, "m": 1.0, "mm": 1e-3, "um": 1e-6}  # [m] length for a 1 in the file
 MAP_UNIT = Parameter(
     name="map_unit",
     unit=TEXT,

@@ -1,16 +1,20 @@
-"""A finger's skin: rows of a skin preset (`SKIN`), and settings of its contact (`SKIN_CONTACT`)."""
+"""Settings of a finger's skin, and of the contact of the skin.
+
+`SKIN` has the rows of a skin preset. `SKIN_CONTACT` has the settings of the contact.
+"""
 
 from __future__ import annotations
 
 from .parameter import SWITCH, TEXT, Parameter, table
 
-DEFAULT_SKIN = "index_medium"  # preset of a finger that says nothing of its skin
-# Where contact is solved for fingers that do not say: at the mesh's 'nodes', or on 'points' of the smooth skin.
+DEFAULT_SKIN = "index_medium"  # preset for a finger that states no skin
+# Places at which contact is solved if a finger states none: 'nodes' of the mesh, or 'points' on the smooth skin.
 CONTACT = "points"
-# By how much force is off a reference that converged at most, pressed 0.5 to 1.5 mm deep (edges rounded by 0.2 mm); the
-# benchmark `shape_force_error` measures it. Slid over an edge it is off by more: presets/ACCURACY.md.
+# Largest error of the force for objects pressed 0.5 to 1.5 mm deep (edges rounded by 0.2 mm), relative to a converged
+# reference. The benchmark `shape_force_error` measures it. For slides over an edge it is larger, see
+# presets/ACCURACY.md.
 FORCE_ERRORS = {"points": "planes 2 %, balls 3 %, edges 9 %", "nodes": "planes 2 %, balls 19 %, edges 98 %"}
-TETRAHEDRA = {"draft": "1.6k", "standard": "6.4k", "fine": "26k"}
+TETRAHEDRA = {"draft": "1.6k", "standard": "6.4k", "fine": "26k"}  # number of tetrahedra in a mesh, in words for users
 
 
 def _length(name: str, label: str, text: str, default: float) -> Parameter:
@@ -29,7 +33,7 @@ def _length(name: str, label: str, text: str, default: float) -> Parameter:
     )
 
 
-# Lengths that give the outer shape of the finger's mesh, too.
+# Lengths that also define the outer shape of the finger's mesh in Blender.
 OUTER = table(
     _length("width", "Width", "Of the finger at the pad's centre", 16e-3),
     _length("thickness", "Thickness", "From pad to back at the pad's centre", 13e-3),
@@ -85,7 +89,7 @@ TISSUE = table(
         soft=(0.3, 3.0),
     ),
 )
-# A tetrahedral mesh of one's own, in place of lengths.
+# A tetrahedral mesh of the user, which replaces the lengths.
 OWN_MESH = table(
     Parameter(
         name="mesh",
@@ -101,7 +105,7 @@ OWN_MESH = table(
 )
 SKIN = table(*LENGTHS.values(), *TISSUE.values(), *OWN_MESH.values())
 
-# Rows of `Finger.parameters`, beside 'skin', which holds those of `SKIN`.
+# Entries of `Finger.parameters`. The entry 'skin' of `Finger.parameters` has the rows of `SKIN`.
 SKIN_CONTACT = table(
     Parameter(
         name="skin_shown",

@@ -1,4 +1,7 @@
-"""What devices that follow a finger's whole skin are told: pin arrays, platforms and thimbles. See `device.DEVICE`."""
+"""Settings of devices that follow a finger's whole skin.
+
+These devices are pin arrays, platforms and thimbles. `device.DEVICE` includes the settings.
+"""
 
 from __future__ import annotations
 

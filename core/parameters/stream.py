@@ -1,4 +1,7 @@
-"""How a device is streamed to: the settings of a `StreamRequest`, in Blender's panel and in `stream play` alike."""
+"""Settings of streaming to a device: parameters of a `StreamRequest`.
+
+Blender's panel and the command `stream play` have the same settings.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ STREAM = table(
         label="Protocol",
         text="Protocol of the device",
         default="native",
-        choices=(  # a .blend saves the place of a choice, so new ones come last
+        choices=(  # a .blend saves the position of a choice, so new choices come last
             ("native", "Dermis Native", "With handshake, check sums, device time and a watchdog in the device"),
             ("maestro", "Pololu Maestro", "Compact protocol; the board has no watchdog unless you set one"),
             ("servo-animation", "Servo Animation", "Receivers of Blender Servo Animation; they have no watchdog"),

@@ -1,4 +1,7 @@
-"""How a track becomes a WAV file: the settings of the format, in Blender's panel and in `export --format wav` alike."""
+"""Settings of tracks as WAV files.
+
+Blender's panel and the command `export --format wav` have the same settings.
+"""
 
 from __future__ import annotations
 

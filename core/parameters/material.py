@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from .parameter import SWITCH, TEXT, Parameter, table
 
-FRICTION = (
-    0.6  # [1] friction of skin on a dry surface that states none. Source: Seo 2009, abstract: finger on aluminium
-)
+FRICTION = 0.6  # [1] friction of skin on a surface that states none. Source: Seo 2009, abstract: finger on aluminium
 
 _OFF = "amplitude 0 by default, so that a bare scene is still; the window starts with a perceptible one"
 _ON = "on by default, at amplitude 0; off in the window until it is enabled"

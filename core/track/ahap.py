@@ -1,6 +1,6 @@
 """Voice-coil tracks as AHAP, the patterns of Apple's Core Haptics.
 
-Files have version 1. An event lasts up to 30 s and a parameter curve has up to 16 points, which are Apple's limits.
+Files are of version 1. An event lasts up to 30 s and a parameter curve has up to 16 points, which are Apple's limits.
 Longer tracks have several continuous events and several curves of intensity and sharpness. Both quantities are
 relative, since the actuator of a phone differs from the coil. Intensity is the square root of the amplitude, as in
 Meta's converter from .haptic. Sharpness 0 to 1 stands for 65 to 300 Hz, as in MPEG's reference encoder. Frequencies

@@ -49,8 +49,8 @@ def dumps(track: CommandTrack) -> bytes:
     """Return a track as bytes; equal tracks give equal bytes.
 
     Raises:
-        DermisError: a time or a value is not finite, the size of a value is 1e150 or more, the times do not rise, or
-            the header cannot hold an entry.
+        DermisError: a time or a value is not finite, an absolute value is 1e150 or more, the times do not rise, or the
+            header cannot hold an entry.
     """
     check_finite(track)
     if track.values.size and np.abs(track.values).max() >= LARGEST:

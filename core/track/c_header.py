@@ -63,7 +63,8 @@ static uint8_t {name}_play(uint32_t now_us, uint16_t *counts) {{
 }}
 """
 
-# Both clocks give `sample` and `part`: part / PERIOD_US is the share of the sample's period that has elapsed.
+# Clocks of the player for a period of whole microseconds, and for a ratio. Both compute `sample` and `part`. The share of
+# the sample's period that has elapsed is part / PERIOD_US.
 _WHOLE = """  uint32_t sample = now_us / {NAME}_PERIOD_US;
   uint32_t part = now_us % {NAME}_PERIOD_US;"""
 _RATIO = """  /* PERIOD_SAMPLES samples take PERIOD_US: whole groups of them, then samples of the last. Exact. */
@@ -195,7 +196,7 @@ def _period(rate: float, samples: int, where: str) -> Fraction:
     exact = Fraction(10**6) / Fraction(rate)
     largest = min(math.isqrt(int((_WORD - 1) / exact)), int(_LONGEST / exact)) if exact >= 1 else 0
     found = None
-    for limit in range(largest, max(largest - 8, 0), -1):  # rounding up may cross a bound
+    for limit in range(largest, max(largest - 8, 0), -1):  # rounding may cross a bound: smaller limits follow
         near = exact.limit_denominator(limit)
         if near >= 1 and near.numerator * near.denominator < _WORD and near.numerator <= _LONGEST:
             found = near

@@ -69,6 +69,8 @@ def escaped(value: str) -> str:
 def split(text: str, where: str) -> tuple[dict[str, tuple[str, int]], str, str]:
     """Return the header's entries, the line of column names, and the rows.
 
+    Each entry has its value and the number of its line. The rows are one text.
+
     Raises:
         DermisError: the text is not version 1, ends in the middle of a line, or has an invalid header.
     """

@@ -10,8 +10,8 @@ from ..devices.spec import DeviceSpec, range_disc
 from ..following import follow
 from ..interpolate import smoothstep
 
-# Relative tolerance of a value: nine digits in a file are off by up to half a unit of the ninth digit.
-# A step between two values is off by up to twice as much.
+# Relative tolerance of a value: rounding to the nine digits of a file is off by up to half a unit of the ninth digit. A
+# step between two such values is off by up to twice as much.
 DIGITS = 5e-9
 SLEW_SLACK = 1e-9  # relative tolerance of the largest step, since times and sums are rounded
 
@@ -106,7 +106,7 @@ class Limiter:
     def slew(self, start_at_rest: bool) -> None:
         """Limit the speed of every channel to its largest speed.
 
-        Two channels with a round range move along a straight line, so both are slowed down by the same factor.
+        Two channels with a common round range move along a straight line, so both are slowed down by the same factor.
 
         Args:
             start_at_rest: True if the device is at rest at the first sample and moves to the track from there.

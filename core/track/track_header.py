@@ -1,4 +1,4 @@
-"""Header of JSON, binary and WAV tracks: the whole track but its samples.
+"""Header of JSON, binary and WAV tracks: a track without its samples.
 
 JSON and binary tracks are read back. Their headers are checked by the rules of the CSV header.
 """

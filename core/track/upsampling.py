@@ -1,8 +1,8 @@
 """Upsampling: band-limited interpolation of a series, without ringing.
 
 Between samples, a series is interpolated by a sum of windowed sinc functions, which passes through every sample. At a
-step such a sum overshoots by 9 % and rings before and after. It is therefore limited. Between two samples the result
-may leave their range only if the series bends to the same side at both samples, and then by at most a quarter of the
+step such a sum overshoots by 9 % and rings before and after. The sum is therefore limited. It may leave the range of
+two neighbouring samples only if the series bends to the same side at both samples, and then by at most a quarter of the
 smaller second difference. The curve of a sinusoid with at least four samples per period is within these bounds, so
 smooth series are not changed and keep their amplitude. At a step the bends have opposite signs, so the result stays
 between the two samples.

@@ -20,10 +20,10 @@ from .command_track import CommandTrack
 from .track_header import check_finite
 
 TOLERANCE = 0.005  # largest change of a curve if points are left out, relative to full scale or to the band's width
-STEP = 1e-3  # [s] interval of the amplitudes, short enough for the time of an onset
+STEP = 1e-3  # [s] interval of the amplitudes; the time of an onset is off by at most this
 WINDOW = 10e-3  # [s] interval over which a frequency is averaged, with the power as weight
-# Amplitude relative to the largest one up to which a frequency is not used. An analytic signal is not quite zero before
-# an onset, and its frequency there means nothing.
+# A vibration up to this share of the largest amplitude has no frequency of its own. An analytic signal is not quite zero
+# before an onset, and its frequency there means nothing.
 HARDLY = 0.05
 PAD = 0.25  # [s] constant displacement added at both ends, since the Fourier transform joins the end to the start
 
@@ -157,7 +157,8 @@ def _frequency(wave: Any, rate: float) -> Curve:
     """Return the frequency of an analytic signal over time [Hz].
 
     It is averaged over intervals of `WINDOW`, and the times are the middles of the intervals. An interval with hardly
-    any vibration has the frequency of the last interval with more, or of the first one if there is none before.
+    any vibration (see `HARDLY`) has the frequency of the last stronger interval. Before the first stronger interval, it
+    has the frequency of that interval. If no interval is stronger, the curve is a single frequency of 0.
 
     Args:
         wave: analytic signal, complex, shape (n,).

@@ -1,15 +1,15 @@
 """Command tracks as WAV files, version 1: the voltage of a device.
 
 A sound card and an amplifier play the file, which has one channel of 24-bit PCM at 48 to 192 kHz. If a sinusoid drives
-the device, the voltage is amplitude(t) sin(phase(t)) + offset. The track's amplitude is the peak, and the phase begins
-at 0 and grows with the carrier frequency. For a voice coil, the voltage is that of the track plus the offset. Samples
-are
+the device, the voltage is amplitude(t) sin(phase(t)) + offset. The amplitude is that of the track. The phase begins at
+0 and grows by 2 pi carrier(t) per second. For a voice coil, the voltage is that of the track plus the offset. Each
+voltage gives a sample
 
-    sample = voltage / (gain * full_scale), 1 being the count 8388607
+    sample = voltage / (gain * full_scale)
 
 `full_scale` is the peak voltage of the card, and `gain` is the voltage gain of the amplifier. Both describe the chain
-behind the file, and neither changes the voltage at the device. A voltage beyond full scale is an error. On request it
-is clipped instead, and the clipped samples are counted.
+behind the file, and neither changes the voltage at the device. A sample of 1 is full scale and is stored as the count
+8388607. A voltage beyond full scale is an error. On request it is clipped instead, and the clipped samples are counted.
 
 A LIST chunk of type INFO is before the samples. Its entries are INAM (finger and device), ISBJ (contents of the file),
 ISFT (program) and ICMT, a JSON object in ASCII. The object is the header of the JSON track with the schema below and

@@ -97,8 +97,8 @@ def played(
     edges = np.flatnonzero(on & ~np.concatenate([[was_on], on[:-1]])).tolist()
     columns = [np.broadcast_to(np.asarray(v, dtype=np.float64), times.shape) for v in (frequency, amplitude, angle)]
     wave = orientation if kind == "orientation" else direction
-    # First sample, time of the edge [s], time at which the switch was turned off [s] (inf unless an earlier window
-    # found it), frequency, amplitude, angle.
+    # The entries of a play are its first sample, the time of its edge [s], the time at which the switch was turned off
+    # [s] (inf unless an earlier window found it), frequency, amplitude and angle.
     plays = [(edge, float(times[edge]), math.inf, *(float(c[edge]) for c in columns)) for edge in edges]
     if running is not None:
         plays.insert(0, (0, *running))

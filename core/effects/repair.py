@@ -15,9 +15,9 @@ from ..arrays import Array
 # height or depth is as large.
 FAR = 1e9
 FEWEST_LEVELS, MAX_LEVELS = 16, 256  # smallest and largest number of levels of a staircase
-# A number likely stands for 'no data' under two conditions. FREQUENT: it is at least this share of the map's pixels.
-# NEAREST: the distance to the nearest other number is more than this share of the distance to the farthest number.
-# A camera cannot measure depths as small as that, and a rendered depth goes down to 0 in small steps.
+# A number likely stands for 'no data' under two conditions. FREQUENT: at least this share of the pixels are equal to it.
+# NEAREST: the distance to the nearest other number is more than this share of the distance to the farthest number. A 0
+# that far from all depths is no depth, since a camera cannot measure so near, and rendered depths have no such gap.
 FREQUENT, NEAREST = 1e-3, 0.05
 # Numbers that programs write for 'no data', besides the ends of the type's range (formats of GDAL and Esri).
 CUSTOMARY = (-9999.0, -99999.0, -32767.0, -32768.0, 65535.0)
@@ -86,10 +86,10 @@ def likely_no_data(values: Array, ends: Sequence[float]) -> tuple[float, int] | 
 
     The count is the number of pixels that are equal to it. The result is None if no number stands for 'no data'.
 
-    Only the smallest and the largest number are considered. Its distance from all other numbers must be larger than
-    the range of the other numbers, and many pixels must be equal to it. For a number in `ends`, one of two weaker
-    conditions is enough: few pixels at that distance, or many pixels at a smaller distance (see `NEAREST`). Zero is
-    never returned, because it is the ground of reliefs.
+    Only the smallest and the largest number are considered. The distance of such a number from all other numbers must
+    be larger than the range of the other numbers, and many pixels must be equal to the number. For a number in `ends`,
+    one of two weaker conditions is enough: few pixels at that distance, or many pixels at a smaller distance (see
+    `NEAREST`). Zero is never returned, because it is the ground of reliefs.
 
     Args:
         values: heights or depths, shape (n,).

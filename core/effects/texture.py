@@ -138,7 +138,7 @@ def held_direction(velocity: Array, threshold: float | Array, before: Array | No
 def tangential(velocity: Array, normal: Array) -> Array:
     """Return the part of velocities that is perpendicular to unit normals.
 
-    All three have the shape (n, 3).
+    Velocities, normals and the result have the shape (n, 3).
     """
     return velocity - scaled(normal, dot(velocity, normal))
 

@@ -22,8 +22,8 @@ from .track_header import check_finite
 TOLERANCE = 0.005  # largest change of a curve if points are left out, relative to full scale or to the band's width
 STEP = 1e-3  # [s] interval of the amplitudes; the time of an onset is off by at most this
 WINDOW = 10e-3  # [s] interval over which a frequency is averaged, with the power as weight
-# A vibration up to this share of the largest amplitude has no frequency of its own. An analytic signal is not quite zero
-# before an onset, and its frequency there means nothing.
+# A vibration up to this share of the largest amplitude has no frequency of its own. Before an onset, an analytic signal
+# is not quite zero, and its frequency means nothing.
 HARDLY = 0.05
 PAD = 0.25  # [s] constant displacement added at both ends, since the Fourier transform joins the end to the start
 

@@ -92,7 +92,7 @@ class MapRepair:
             asked = holds(values, number / largest)
             self._held[number] += int(np.count_nonzero(asked))
             gaps |= asked
-        if self._asks and not gaps.all():  # the other pixels, so each given number may reveal another
+        if self._asks and not gaps.all():  # search the other pixels: a stated number may hide more
             self._look(heights[~gaps] if gaps.any() else heights.ravel(), values.dtype, levels, largest, signed)
         known = ~gaps
         if not known.any():

@@ -15,7 +15,7 @@ from ..arrays import Array
 # height or depth is as large.
 FAR = 1e9
 FEWEST_LEVELS, MAX_LEVELS = 16, 256  # smallest and largest number of levels of a staircase
-# A number likely stands for 'no data' under two conditions. FREQUENT: at least this share of the pixels are equal to it.
+# A number likely stands for 'no data' under two conditions. FREQUENT: at least this share of all pixels is equal to it.
 # NEAREST: the distance to the nearest other number is more than this share of the distance to the farthest number. A 0
 # that far from all depths is no depth, since a camera cannot measure so near, and rendered depths have no such gap.
 FREQUENT, NEAREST = 1e-3, 0.05

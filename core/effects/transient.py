@@ -14,8 +14,8 @@ from ..errors import DermisError
 
 # A transient ends when its envelope has fallen to this fraction of the device's range (2 pm of 2 mm).
 END = 1e-9
-# The normal part of an impact is turned to the negative side of the axis only if the tangential part points there and is
-# at least this share of the impact. A smaller tangential part does not decide on the side.
+# The normal part of an impact is turned to the negative side of the axis only if the tangential part points there and
+# is more than this share of the impact. A smaller tangential part does not decide on the side.
 SIDE_SHARE = 0.1
 
 

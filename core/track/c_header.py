@@ -63,8 +63,8 @@ static uint8_t {name}_play(uint32_t now_us, uint16_t *counts) {{
 }}
 """
 
-# Clocks of the player, for a period of whole microseconds and for a ratio. Both compute `sample` and `part`. The elapsed
-# share of the sample's period is part / PERIOD_US.
+# Clocks of the player, for a period of whole microseconds and for a ratio. Both compute `sample` and `part`. The share
+# of the sample's period that has elapsed is part / PERIOD_US.
 _WHOLE = """  uint32_t sample = now_us / {NAME}_PERIOD_US;
   uint32_t part = now_us % {NAME}_PERIOD_US;"""
 _RATIO = """  /* PERIOD_SAMPLES samples take PERIOD_US: whole groups of them, then samples of the last. Exact. */

@@ -83,7 +83,7 @@ def _border(slopes: Floats32, lines: NDArray[np.floating], factor: float) -> Non
         slopes: result, shape (lines, pixels). Only its first and last line are written; all of it, with 0, if there is
             a single line.
         lines: heights, rows for the slope dF/dy and columns for dF/dx, shape (lines, pixels).
-        factor: unit of the heights divided by the distance of two lines.
+        factor: length of one unit of the heights, divided by the distance between two lines.
     """
     if len(lines) < 2:
         slopes[...] = 0.0

@@ -99,9 +99,9 @@ def identifier(text: str) -> str:
 
 
 def counts(track: CommandTrack) -> tuple[NDArray[np.uint16], list[int]]:
-    """Return counts, shape (n, k), and the k columns of the track for them.
+    """Return the samples as counts, shape (n, k), and the columns used.
 
-    The columns are those of the channels with an actuator.
+    The k columns are those of the track's channels with an actuator.
 
     Raises:
         DermisError: no channel has an actuator, such a channel has no range, or a value is outside the range.

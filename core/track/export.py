@@ -1,4 +1,7 @@
-"""Writing and reading of tracks in all formats, and ranges of tracks."""
+"""Writing, reading and cutting of tracks.
+
+Tracks are written in all `FORMATS`. They are read from CSV, JSON and binary files.
+"""
 
 from __future__ import annotations
 

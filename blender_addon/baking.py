@@ -128,12 +128,12 @@ def verified(scene: bpy.types.Scene, library: Any) -> Steps:
             sweep.close()
     result = store.current(scene)
     if result is None:
-        raise DermisError("the bake was forgotten meanwhile", where=where, remedy="Bake again")
+        raise DermisError("the bake was removed meanwhile", where=where, remedy="Bake again")
     differ = core.scene.content_hash.differences(owners.inputs_now(result), now)
     if differ:
         changes.mark_dirty(differ[0])
         raise DermisError(
-            "the scene is not what the bake was made from",
+            "the scene has changed since the bake",
             where=where,
             value="; ".join(differ[:4]) + (f"; {len(differ) - 4} more" if differ[4:] else ""),
             remedy="Bake again",

@@ -103,7 +103,7 @@ def mend(context: bpy.types.Context, code: str, name: str) -> None:
         skin = obj.dermis.finger.skin
         lengths = _bone_lengths(obj)
         if not lengths:
-            raise DermisError("its bone says no length", where=f"finger '{name}'")
+            raise DermisError("its bone has no length", where=f"finger '{name}'")
         scale = lengths[0] * metres_per_unit(scene) / skin_properties.lengths(skin)["length"]
         values = skin_properties.shape_and_material(skin)
         skin_properties.apply_preset(skin, {n: v * (scale if n in _LENGTHS else 1.0) for n, v in values.items()})
@@ -115,7 +115,7 @@ def mend(context: bpy.types.Context, code: str, name: str) -> None:
     elif code == "pad-off-skin":
         spot = _skin_near(obj, context.view_layer, context.evaluated_depsgraph_get())
         if spot is None:
-            raise DermisError("its hand shows no skin", where=f"finger '{name}'")
+            raise DermisError("its hand has no skin", where=f"finger '{name}'")
         if spot.normal.dot(obj.matrix_world.to_3x3().col[2]) > 0.0:
             raise DermisError(
                 "the nearest skin faces the nail's side",

@@ -75,7 +75,7 @@ def columns_of(names: Sequence[str], where: str) -> tuple[Column, ...]:
     for column in found:
         if column.meaning and seen.setdefault(column.meaning, column.name) is not column.name:
             raise DermisError(
-                "two columns are the same number",
+                "two columns have the same meaning",
                 where=where,
                 value=f"{seen[column.meaning]}, {column.name}",
                 remedy="Rename or remove one of them",
@@ -93,7 +93,7 @@ def time_column(columns: Sequence[Column], where: str) -> int:
         if column.meaning == "time":
             return index
     raise DermisError(
-        "no column is the time by its name",
+        "no column has the name of a time",
         where=where,
         value=", ".join(column.name for column in columns)[:80],
         limit="time, t, timestamp, with a unit or in seconds: 'time [ms]', 't_ms'",
@@ -127,7 +127,7 @@ def _column(name: str, where: str) -> Column:
         if not bracketed:
             return Column(name, "")
         raise DermisError(
-            "the unit is none of this column's",
+            "the unit does not fit this column",
             where=f"{where}, column '{name}'",
             value=unit,
             limit=", ".join(units) or "no unit",

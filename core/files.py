@@ -64,9 +64,7 @@ def keep_apart(out: Path | None, *read: Path | None) -> None:
             with suppress(OSError):
                 if os.path.samefile(out, path):
                     raise DermisError(
-                        "the result would overwrite what it is made of",
-                        where=str(out),
-                        remedy="Name another file to write",
+                        "the result would overwrite its own source", where=str(out), remedy="Name another file to write"
                     )
 
 

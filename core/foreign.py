@@ -146,7 +146,7 @@ def json_of(data: bytes | str, where: str, most: int = MAX_SETTINGS, *, constant
         if len(found) != len(pairs):
             seen: set[str] = set()
             twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
-            raise DermisError("a key stands twice in one object", where=where, value=twice[:80])
+            raise DermisError("a key appears twice in one object", where=where, value=twice[:80])
         return found
 
     def refuse(name: str) -> Any:

@@ -91,7 +91,7 @@ class ArrayFile:
             raise DermisError(f"not {self._kind}, or damaged: a part is missing", where=place, limit=there)
         if info.compress_type not in _METHODS or info.flag_bits & 0x61:  # encrypted, patched
             raise DermisError(
-                "packed in a way that is not read here",
+                "packed by a method that is not supported",
                 where=place,
                 value=f"method {info.compress_type}, flags {info.flag_bits:#x}",
                 limit="stored or deflated",
@@ -151,7 +151,7 @@ def _array(file: IO[bytes], size: int, where: str) -> NDArray[Any]:
             "the array cannot be read: it holds neither numbers nor texts",
             where=where,
             value=str(kind)[:80],
-            remedy="Write it without objects: nothing is unpickled here",
+            remedy="Write it without objects: Dermis does not unpickle",
         )
     if any(n < 0 for n in shape) or len(shape) > 8 or count * kind.itemsize != body:
         raise DermisError(

@@ -79,7 +79,7 @@ class Rows:
         """Return times [s], rising, shape (n,), and their column: the first where the file has no names.
 
         Raises:
-            DermisError: no column is the time by its name, or see `seconds`.
+            DermisError: no column has the name of a time, or see `seconds`.
         """
         if not self.names:
             return self.seconds(0, None), 0
@@ -184,7 +184,7 @@ def read_rows(path: Path) -> Rows:
     for line, row in zip(lines, rows, strict=whole is None):
         if len(row) != count:
             raise DermisError(
-                "a row has another number of values than the first",
+                "a row and the first row have different numbers of values",
                 where=f"{path}, line {line.number}",
                 value=len(row),
                 limit=str(count),

@@ -108,7 +108,7 @@ def touches(scene: bpy.types.Scene) -> tuple[dict[str, Any], dict[str, Any] | No
             own, found = _baked(item.scene, settings, number)
             if skin is not None and own != skin:
                 raise DermisError(
-                    "its finger has another skin than the scenes before",
+                    "its finger has a different skin than the scenes before",
                     where=f"scene '{item.scene.name}'",
                     remedy="Use one size and accuracy of skin",
                 )

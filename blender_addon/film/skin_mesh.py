@@ -56,7 +56,7 @@ def work_out(scene: bpy.types.Scene, fingers: list[str]) -> Steps:
     felt = {} if result is None else {n: t for n, t in result.bake.skins.items() if n in fingers and len(t.frames)}
     if not felt:
         raise DermisError(
-            "no bake of this finger's skin is at hand",
+            "this finger's skin is not baked",
             where=", ".join(f"finger '{n}'" for n in fingers),
             remedy="Switch Skin on and press Bake",
         )

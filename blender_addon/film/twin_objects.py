@@ -53,7 +53,7 @@ def work_out(scene: bpy.types.Scene, fingers: Sequence[str]) -> Steps:
     result = store.current(scene)
     outputs = [] if result is None else [o for o in result.bake.outputs if o.finger in fingers and len(o.track.times)]
     if result is None or not outputs:
-        raise DermisError("no bake of a device is at hand", where=scene.name, remedy="Press Bake first")
+        raise DermisError("no device is baked", where=scene.name, remedy="Press Bake first")
     places = {name: Place.of(obj) for name in fingers if (obj := identity.named(scene, name)) is not None}
     made, refused = [], []
     for step, output in enumerate(outputs):

@@ -146,11 +146,11 @@ def _judge(rig: Rig, tip: Tip, values: _Values) -> None:
     row = _LENGTHS["length"]
     if max(lengths) > row.high or min(lengths) < row.low:
         raise DermisError(
-            "this fingertip has no size that a skin can have",
+            "this fingertip's size is out of range for a skin",
             where=f"{rig.where}, {tip.finger} finger",
             value=f"{values['length']:.4g} m long",
             limit=f"each of its lengths from {1e3 * row.low:g} mm to {row.high:g} m",
-            remedy="Say in Scene Properties > Units what one unit is (Metric, Unit Scale 0.001 for millimetres), or "
+            remedy="Set the unit in Scene Properties > Units (Metric, Unit Scale 0.001 for millimetres), or "
             "scale the armature",
         )
 

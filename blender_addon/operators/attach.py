@@ -225,7 +225,10 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         most = max(len(hand.readings) for hand in hands.values())
         if self.reading > most:
             raise DermisError(
-                "there is no such reading of the bones", where=hung.where, value=self.reading, limit=f"1 to {most}"
+                "there is no such interpretation of the bones",
+                where=hung.where,
+                value=self.reading,
+                limit=f"1 to {most}",
             )
         chosen: dict[str, Hand] = {}
         lines = []
@@ -239,7 +242,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
                     f"both hands are read as a {SIDES[side]}",
                     where=hung.where,
                     value=f"reading {self.reading}",
-                    remedy="Choose one hand, or another reading",
+                    remedy="Choose one hand, or another value of Reading",
                 )
             chosen[side] = reading
             lines += [f"{SIDES[side].capitalize()}: reading {number} of {count}", reading.told]

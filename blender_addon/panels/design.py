@@ -104,7 +104,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         layout, scene = self.layout, context.scene
         own = scene.dermis_design
         if not own.touches:
-            paragraph(layout, context, "Which touches shall a device render with as few motors as possible?")
+            paragraph(layout, context, "Choose touches that a device has to render with as few motors as possible.")
         else:
             row = layout.row()
             row.template_list(
@@ -154,7 +154,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         share = "percent of the touch" if own.rule == "touch" else "percent of the error with all motors"
         upto = f"from {above:.1f} to {below:.0f} %" if below < float("inf") else f"from {above:.1f} % up"
         paragraph(box, context, f"Error: added to the error with all motors, in {share}.")
-        paragraph(box, context, "Part: each motor's part of the movement.")
+        paragraph(box, context, "Part: share of the movement by each motor.")
         paragraph(box, context, f"Any limit of the error {upto} gives the same number.")
         for name, (count, apart), touch in zip(design.names, design.repetitions, reduction.touch.tolist(), strict=True):
             if count > 1:
@@ -164,7 +164,7 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
             paragraph(
                 box,
                 context,
-                "Not of low rank: no fewer motors both stay within the rule and explain the movement.",
+                "Not of low rank: fewer motors either exceed the limit of the rule or do not explain the movement.",
                 "INFO",
             )
         count = min(own.motors or motors or n, n)

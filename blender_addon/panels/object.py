@@ -29,7 +29,7 @@ class DERMIS_PT_object(DermisPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.label(text=obj.name, icon=ICONS[role])
         if role == "NONE" and not obj.is_editable:
-            paragraph(layout, context, "Linked from another file: give it its role there.", "LIBRARY_DATA_DIRECT")
+            paragraph(layout, context, "Linked from another file: set its role there.", "LIBRARY_DATA_DIRECT")
             return
         if role == "NONE":
             attach_button(layout, context)
@@ -180,7 +180,7 @@ def _friction_screen(layout: Any, context: bpy.types.Context, device: Any) -> No
         column.prop(device, "relief_formula")
     column.prop(device, "profile")
     if device.relief == "mesh" and device.profile != "slope":
-        paragraph(layout, context, "The relief of a mesh knows the profile Slope only.", "ERROR")
+        paragraph(layout, context, "The relief of a mesh has only the profile Slope.", "ERROR")
         column = properties(layout, device)
     if device.profile == "slope":
         column.prop(device, "downhill")

@@ -34,8 +34,8 @@ def adaptation(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, f
         paragraph(
             layout,
             context,
-            "Not adapted to this finger, so the direct method takes its place. Adapt it, "
-            "which takes some two minutes, or choose the direct method.",
+            "Not adapted to this finger, so the direct method is used. Adapt it, "
+            "which takes about two minutes, or choose the direct method.",
             "ERROR",
         )
     layout.operator("dermis.adapt_thimble", icon="FILE_REFRESH" if found is not None else "MOD_LATTICE")

@@ -26,9 +26,7 @@ def find(scene: bpy.types.Scene, obj: bpy.types.Object) -> Any:
     felt = result.bake.skins.get(obj.name_full) if result is not None else None
     if device is None or result is None or felt is None:
         raise DermisError(
-            "no bake of this finger's skin is at hand",
-            where=f"finger '{obj.name}'",
-            remedy="Press Bake, then ask again",
+            "this finger's skin is not baked", where=f"finger '{obj.name}'", remedy="Press Bake, then try again"
         )
     engine, matching, uid = core.matching.floor, core.matching.thimble, obj.session_uid
     times = felt.times[engine.looked_at(len(felt.times))]

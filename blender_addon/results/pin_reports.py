@@ -32,7 +32,7 @@ def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
     felt = result.bake.skins.get(obj.name_full) if result is not None else None
     if device is None or result is None or felt is None:
         raise DermisError(
-            "no bake of this finger's skin is at hand", where=f"finger '{obj.name}'", remedy="Press Bake, then compare"
+            "this finger's skin is not baked", where=f"finger '{obj.name}'", remedy="Press Bake, then compare"
         )
     engine, spec, where = core.matching.pin_report, library().device(device.preset), f"finger '{obj.name}'"
     with skin_models.one_thread():

@@ -58,9 +58,7 @@ def write_stimuli(scene: bpy.types.Scene, obj: bpy.types.Object, path: Path) -> 
     spec = active_presets.spec_of(device.preset, "thimble") if device is not None else None
     if device is None or spec is None or result is None or felt is None:
         raise DermisError(
-            "no bake of this finger's skin is at hand",
-            where=f"finger '{obj.name}'",
-            remedy="Press Bake, then draw the plot",
+            "this finger's skin is not baked", where=f"finger '{obj.name}'", remedy="Press Bake, then draw the plot"
         )
     if not len(felt.contact):
         raise DermisError("the finger touches nothing in the last bake", where=f"finger '{obj.name}'")

@@ -270,7 +270,8 @@ def _by_name(scene: bpy.types.Scene, names: Sequence[str], told: owners.Owners) 
     return Finding(
         "warning" if lost else "info",
         "bake-by-name",
-        "the stored bake is of an earlier version, which knew fingers by their names: those called so have it now",
+        "the stored bake is of an earlier version, which identified fingers by name: fingers with these names have it "
+        "now",
         where=f"scene '{scene.name}'",
         value=f"not in the scene: {', '.join(lost)}" if lost else ", ".join(names),
         remedy="Bake again if a finger was renamed since",

@@ -143,7 +143,7 @@ def findings(geometry: Geometry | None, stretch: float, unit: float, made: Any |
         Finding(
             "info",
             "facets",
-            "it shades smooth, but its flat faces are felt",
+            "it is shaded smooth, but contact uses its flat faces",
             where=where,
             value=f"up to {1e3 * offset:.3g} mm beside the curved surface",
             remedy="Turn on Curved Surface in the Dermis tab under Touch: Material, or shade it flat",
@@ -167,11 +167,12 @@ def outgrown(name: str, stretch: float, series: Array, frames: Array) -> Any | N
     return Finding(
         "warning",
         "curved-coarsely",
-        "between whole frames, or by a script, it becomes larger than its curved surface was made for: facets are felt",
+        "between whole frames, or by a script, it becomes larger than its curved surface allows: contact uses "
+        "flat faces",
         where=f"object '{name}'",
         value=f"up to {1e6 * off.max():.3g} um off",
         limit=f"{1e6 * core.surface.curved.TOLERANCE:.3g} um",
-        remedy="Let it be at its largest at a whole frame, and by keys; or bake the range in parts",
+        remedy="Let it reach its largest size at a whole frame, by keys; or bake the range in parts",
         frame=float(frames[beyond[0]]),
         count=len(beyond),
     )

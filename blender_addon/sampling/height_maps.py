@@ -239,7 +239,7 @@ def _read(obj: bpy.types.Object, depsgraph: Any, unit: float) -> Any:
         found = image_files.largest(settings.image)
         if found is None and (unit_ is not None or _no_data(settings) not in ("", "0", "none")):
             raise DermisError(
-                "Blender scales the numbers of this image to 0 to 1, and it is not known by how much",
+                "Blender scales the numbers of this image to 0 to 1 by an unknown factor",
                 where=f"{where}, image '{settings.image.name_full}'",
                 value=settings.image.file_format,
                 limit="PNG, OpenEXR, Radiance HDR; TIFF of one type of sample, whose file is there",
@@ -315,10 +315,10 @@ def _doubtful(heights: NDArray[np.float32], depth: bool, where: str) -> tuple[An
         Finding(
             "warning",
             "no-unit",
-            "its numbers look like measures, but were taken as brightness, in which 1 is white",
+            "its numbers look like lengths, but were taken as brightness, in which 1 is white",
             where=where,
             value=f"{low:.4g} to {high:.4g}",
-            remedy="Set Values Are in the Dermis tab under Touch: Screen; leave it where 1 is as high as Height says",
+            remedy="Set Values Are in the Dermis tab under Touch: Screen; leave it if 1 has the height set as Height",
         ),
     )
 
@@ -353,7 +353,7 @@ def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float3
             Finding(
                 "warning",
                 "colour-managed",
-                "Blender has bent this image's values by its colour space",
+                "Blender has changed this image's values by its colour space",
                 where=f"{where}, image '{image.name_full}'",
                 value=image.colorspace_settings.name,
                 limit="Non-Color",
@@ -365,11 +365,11 @@ def pixels(image: bpy.types.Image | None, where: str) -> tuple[NDArray[np.float3
             Finding(
                 "warning",
                 "udim-first-tile",
-                "only the first tile of the image is felt, all over the screen",
+                "only the first tile of the image is used, on the whole screen",
                 where=f"{where}, image '{image.name_full}'",
                 value=f"tile {image.tiles[0].number} of {', '.join(str(tile.number) for tile in image.tiles)}",
                 limit="one tile",
-                remedy="Choose the tile that is meant as an image of its own, or join the tiles to one image",
+                remedy="Save the tile as an image of its own, or join the tiles to one image",
             ),
         )
     values = planes[:, :, :3] @ LUMA if image.channels >= 3 else planes[:, :, 0]

@@ -153,7 +153,7 @@ class InstanceSamples:
                 yield Finding(
                     "info",
                     "instances-change",
-                    "instances come or go, or get other faces: how they move is not known at that moment",
+                    "instances come or go, or get other faces: their movement at that moment is not known",
                     where=f"object '{self._entries[s].name}'",
                     frame=float(frames[samples[0]]),
                     count=len(samples),

@@ -80,7 +80,7 @@ def cast(
         Finding(
             "info",
             "bare-screen",
-            "the mesh does not cover the whole screen; beside it the screen itself is felt",
+            "the mesh does not cover the whole screen; beside it the screen itself is used",
             where=where,
             value=f"{100.0 * missed / heights.size:.3g} % of it",
             count=missed,

@@ -214,7 +214,7 @@ def hidden_with_eye(felt: Iterable[bpy.types.Object], view_layer: bpy.types.View
         Finding(
             "info",
             "hidden-and-felt",
-            "hidden with the eye in the Outliner, but felt",
+            "hidden with the eye in the Outliner, but touchable",
             where=f"object{'s' if len(hidden) > 1 else ''} {names}{more}",
             remedy="Show it again, or turn on Disable in Viewports to leave it out",
         )

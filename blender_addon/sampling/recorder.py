@@ -351,7 +351,7 @@ class Recorder:
                     Finding(
                         "warning",
                         "no-faces",
-                        "it has no faces for a while, and cannot be touched meanwhile",
+                        "for some time it has no faces and cannot be touched",
                         where=f"object '{entry.name}'",
                         frame=float(frames[np.argmax(bare)]),
                         count=int(bare.sum()),
@@ -371,8 +371,8 @@ class Recorder:
         return Finding(
             "warning",
             "felt-throughout",
-            "it is hidden for a while, but "
-            + ("a touch screen is felt all the time" if is_screen else "a finger feels all the time"),
+            "it is hidden for some time, but "
+            + ("a touch screen stays touchable" if is_screen else "a finger keeps touching"),
             where=f"{'screen' if is_screen else 'finger'} '{name}'",
             remedy="Move it away for these frames, or key none of its visibility",
         )
@@ -401,7 +401,7 @@ def _scaled(name: str, scale: Array, off: NDArray[np.bool_], frames: Array) -> A
     return Finding(
         "warning",
         "finger-scale",
-        "it is drawn at another scale, but feels with a skin of the size that its settings say",
+        "it is drawn at another scale, but its skin has the size of its settings",
         where=f"finger '{name}'",
         value=f"{participants.farthest_scale(scale[first]):.3g} times",
         limit="1",

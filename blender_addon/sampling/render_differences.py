@@ -200,7 +200,7 @@ def _hidden(obj: bpy.types.Object, frame: float) -> Any:
     return Finding(
         "info",
         "render-differs",
-        "renders do not show it, but it is felt",
+        "renders do not show it, but it is touchable",
         where=f"object '{obj.name_full}'",
         remedy="Show it in renders, or ignore this if it is a stand-in",
         frame=frame,

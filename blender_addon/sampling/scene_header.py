@@ -269,7 +269,7 @@ def _in_instances(depsgraph: bpy.types.Depsgraph) -> list[Any]:
         Finding(
             "warning",
             "finger-instance",
-            "it is shown by an instance, and instances cannot feel",
+            "it is shown by an instance, and instances cannot be fingers",
             where=f"finger '{name}'",
             remedy=remedy,
         )
@@ -279,7 +279,7 @@ def _in_instances(depsgraph: bpy.types.Depsgraph) -> list[Any]:
         Finding(
             "warning",
             "screen-instance",
-            "it is shown by an instance, and an instance of a touch screen is not felt",
+            "it is shown by an instance, and an instance cannot be a touch screen",
             where=f"screen '{name}'",
             remedy=remedy,
         )

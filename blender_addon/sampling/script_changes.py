@@ -312,7 +312,7 @@ class Watch:
                 Finding(
                     "warning",
                     "instances-too-late",
-                    "a script lets it show instances within the range, and they are not felt",
+                    "a script lets it show instances within the range, and they are not touchable",
                     where=f"object '{name}'",
                     remedy="Let the instances be there from the first frame, or bake the range in parts",
                     frame=frame,
@@ -328,7 +328,7 @@ class Watch:
             Finding(
                 "info",
                 "absent",
-                "a script hides it or takes its faces for a while, and it cannot be touched meanwhile",
+                "a script hides it or removes its faces for some time, and it cannot be touched then",
                 where=where,
                 frame=float(frames[gone.index(True)]),
             )

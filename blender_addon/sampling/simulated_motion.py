@@ -168,7 +168,7 @@ class BetweenFrames:
         return Finding(
             "warning",
             "particles-between-frames",
-            "between whole frames its particles are felt elsewhere than Blender shows them: both interpolate there",
+            "between whole frames contact and Blender interpolate its particles differently",
             where=f"object '{self._name}'",
             value=f"up to {1e3 * self._worst:.4g} mm, at frame {self._worst_at:g}",
             limit=f"{1e3 * core.surface.curved.TOLERANCE:g} mm",
@@ -286,7 +286,7 @@ class Recording:
 
 
 _SAID = {
-    "no-faces": ("it has no faces for a while, and cannot be touched meanwhile", ""),
+    "no-faces": ("for some time it has no faces and cannot be touched", ""),
     "faces-between-frames": (
         "it is simulated and gets other faces: between these whole frames it is felt as at the first of them",
         "Let its faces change while nothing touches it, or sample at whole frames only",

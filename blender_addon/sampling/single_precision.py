@@ -117,12 +117,12 @@ class Steps:
         yield Finding(
             "warning",
             "far-from-origin",
-            "it is so far from the origin that it moves in steps: Blender rounds places to single precision",
+            "it is so far from the origin that it moves in steps: Blender rounds positions to single precision",
             where=worst.where,
             value=f"steps of {1e3 * worst.step:.2g} mm at {worst.length:.4g} m",
             limit=f"{1e3 * self._limit:.2g} mm",
             remedy=f"Move the scene with its keys to within {_rounded(self._harmless):g} m of the origin; a parent that"
-            " brings it back does not help: its own places stay rounded",
+            " brings it back does not help: its own positions stay rounded",
             frame=worst.frame,
             count=len(self._worst),
         )

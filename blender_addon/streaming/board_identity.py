@@ -69,7 +69,7 @@ def check(scene: bpy.types.Scene) -> None:
     one = device_calibration.worn_by(scene)
     if one is not None and _is_another(one):
         raise DermisError(
-            "another device answered than the one that this calibration is of",
+            "the device that answered is not the one of this calibration",
             where=one.made.name,
             value=" or ".join(_answered),
             limit=one.made.serial,

@@ -122,7 +122,7 @@ def save(made: Any, file: str = "") -> Built:
         raise DermisError(
             "the built device has no name",
             where="calibration",
-            remedy="Name it as it is marked: 'left thimble, red tape'",
+            remedy="Name it as marked, such as 'left thimble, red tape'",
         )
     if any(b.made.name == made.name and b.file != file for b in devices(made.device)):
         raise DermisError(

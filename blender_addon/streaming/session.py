@@ -280,7 +280,7 @@ def _check_preset(scene: bpy.types.Scene) -> None:
     if key != _preset:
         disarm()
         raise DermisError(
-            "the chosen track is of another device than the connected one",
+            "the chosen track is for a device other than the connected one",
             where=scene.dermis_stream.output or bpy.path.basename(scene.dermis_stream.track_file),
             value=key,
             limit=_preset,

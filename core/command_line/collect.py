@@ -76,13 +76,13 @@ def run(options: argparse.Namespace) -> int:
             session.prepare("goes through its poses with")
             say(f"{len(commands)} rows, {len(done)} read already, {unreached} out of the motors' reach.")
             if not most:
-                say("No --stop-at: nothing but the device's own limits ends a press that is too strong.")
-            say("Leave the sensor untouched: its rest is read for 1 s.")
+                say("Without --stop-at, only the device's own limits end a press that is too strong.")
+            say("Do not touch the sensor: its readings at rest are read for 1 s.")
             rest = session.rest(1.0).mean(axis=0)
             if earlier is not None:
                 done = [replace(item, reading=item.reading + (rest - earlier)) for item in done]
                 moved = float(np.abs(rest - earlier).max())
-                say(f"The sensor's rest has moved by up to {moved:.4g} since: rows read before are moved with it.")
+                say(f"The sensor's rest has moved by up to {moved:.4g} since: earlier rows are shifted by as much.")
             if not options.yes:
                 session.confirm("The device is about to press the sensor. Enter: arm.")
 
@@ -98,9 +98,10 @@ def run(options: argparse.Namespace) -> int:
             session.shut()
             sensor.close()
             if not whole and found:
-                say(f"{sum(not item.again for item in found)} rows are kept in {part}; the same command goes on there.")
+                rows = sum(not item.again for item in found)
+                say(f"{rows} rows are kept in {part}; the same command continues there.")
     if session.unsure:
-        raise session.refusal("the safe state could not be made sure of")
+        raise session.refusal("the safe state could not be confirmed")
     if not whole:
         return 128 + signals.number
     drift = _drift(found, rest)
@@ -157,7 +158,7 @@ def _read(part: Path, count: int, names: Sequence[str]) -> tuple[list[Collected]
         return [], None
     rows = read_rows(part)
     if rows.names != ("row", "again", "at", *names) or not np.isfinite(rows.values).all():
-        raise DermisError("not the rows of a collection", where=str(part), remedy="Remove it, and collect anew")
+        raise DermisError("not the rows of a collection", where=str(part), remedy="Remove it, and collect again")
     made = [Collected(int(row[0]), bool(row[1]), float(row[2]), row[3:]) for row in rows.values]
     rest = next((item.reading for item in made if item.row == REST), None)
     return [item for item in made if 0 <= item.row < count], rest

@@ -40,7 +40,7 @@ def run(options: argparse.Namespace) -> int:
     parameters, tissue = _skin(options, library, scenes), _tissue(options, scenes)
     if "mesh" in parameters and options.table is None:
         raise DermisError(
-            "tables are swept on the built-in fingertip, not on a mesh of one's own",
+            "tables are simulated on the built-in fingertip, not on a mesh of your own",
             where="skin",
             remedy="Give a table with --table, or a skin preset of a size with --skin",
         )
@@ -139,7 +139,7 @@ def _refuse_nonsense(options: argparse.Namespace, motors: int) -> None:
         raise DermisError("not a standard deviation", where="--noise", value=options.noise, limit=">= 0")
     if options.out is None and (options.motors is not None or options.rule is not None):
         raise DermisError(
-            "--motors and --rule are of the preset that --out writes",
+            "--motors and --rule only apply to the preset that --out writes",
             where="design",
             remedy="Give --out, or leave them out",
         )

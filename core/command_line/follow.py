@@ -123,7 +123,7 @@ def live(options: argparse.Namespace) -> int:
     """
     if options.sensor == "-" and not options.yes:
         raise DermisError(
-            "standard input cannot both arm and tell readings",
+            "standard input cannot both arm the device and give readings",
             where="--sensor -",
             remedy="Pass --yes, or take another source",
         )
@@ -156,7 +156,7 @@ def live(options: argparse.Namespace) -> int:
             with contextlib.suppress(OSError):  # a terminal that hung up reads no more
                 print(session.summary())
     if session.unsure:
-        raise session.refusal("the safe state could not be made sure of")
+        raise session.refusal("the safe state could not be confirmed")
     return int(not session.logged)
 
 
@@ -166,7 +166,7 @@ def _rested(
     """Measure rest and noise of the untouched sensor; return its follower, and the offset of its readings."""
     if not options.rest_for:
         return Follower(spec, table, options.noise or 0.0), 0.0
-    say(f"Leave the sensor untouched: its rest is measured for {options.rest_for:g} s.")
+    say(f"Do not touch the sensor: its readings at rest are measured for {options.rest_for:g} s.")
     readings = session.rest(options.rest_for)
     spread = float(np.sqrt(readings.var(axis=0, ddof=1).mean())) if len(readings) > 1 else 0.0
     noise = spread if options.noise is None else options.noise

@@ -36,7 +36,7 @@ def sweep(options: argparse.Namespace) -> int:
     if options.spec is not None:
         return _table(options)
     if options.scheduler is not None or options.workers:
-        raise DermisError("workers are for a table of variants", where="sweep", remedy="Give SPEC.toml")
+        raise DermisError("workers can only be used for a table of variants", where="sweep", remedy="Give SPEC.toml")
     library = Library(options.presets)
     spec, skin = library.device(options.device), skin_from_parameters(library.skin(options.skin), level=options.level)
     methods = [method for method in METHODS if not options.method or method in options.method]
@@ -59,7 +59,9 @@ def sweep(options: argparse.Namespace) -> int:
 def _table(options: argparse.Namespace) -> int:
     """Do the rows of a table that are not there yet."""
     if options.out is None:
-        raise DermisError("a table needs a folder", where="--out", remedy="Give --out DIR, the same to go on with one")
+        raise DermisError(
+            "a table needs a folder", where="--out", remedy="Give --out DIR; give the same folder to continue a table"
+        )
     spec = read(options.spec)
     with executor_of(options) as executor:
         steps = run_sweep(spec, Library(options.presets), options.out, executor)

@@ -93,6 +93,6 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
                 continue
             if form != options.format:
                 option = f"--{form}-{name.replace('_', '-')}"
-                raise DermisError("an option of another format", value=option, limit=f"with --format {form}")
+                raise DermisError("this option belongs to another format", value=option, limit=f"with --format {form}")
             given[name] = value
     return given

@@ -22,7 +22,9 @@ def executor_of(options: argparse.Namespace) -> JobExecutor:
     if options.scheduler is None:
         if any(given):
             raise DermisError(
-                "keys are of a scheduler", where="--tls-ca, --tls-cert, --tls-key", remedy="Leave them out"
+                "keys can only be used with a scheduler",
+                where="--tls-ca, --tls-cert, --tls-key",
+                remedy="Leave them out",
             )
         return ProcessExecutor(options.workers or cores())
     if options.workers:

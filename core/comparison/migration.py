@@ -111,11 +111,11 @@ class Migration:
         return Finding(
             "warning",
             "other-commands",
-            f"{self.before.channels[c].name} is another than the stored track has",
+            f"{self.before.channels[c].name} differs from that of the stored track",
             f"finger '{self.finger}', {self.device}",
             f"{self.share[c]:.2%} of its range, at frame {at:.6g}",
             f"<= {allowed:.2%}",
-            f"Keep the file made by {self.maker} where published results rest on it, or export anew and say so",
+            f"Keep the file made by {self.maker} if published results depend on it, or export again and state it",
         )
 
 
@@ -207,7 +207,7 @@ def _migration(file: str, before: CommandTrack, output: Output) -> Migration:
     slack = 0.5 / now.spec.rate
     if not len(before.times) or before.times[0] < low - slack or before.times[-1] > high + slack:
         raise DermisError(
-            "the stored track goes on where the scene does not",
+            "the stored track is longer than the scene",
             where=where,
             value=f"{before.times[0]:.6g} to {before.times[-1]:.6g} s" if len(before.times) else "no samples",
             limit=f"{low:.6g} to {high:.6g} s",

@@ -156,7 +156,7 @@ class SkinSampler:
         if self._kept:
             if pad_contact is None:
                 raise DermisError(
-                    "what is held can only be balanced with the touch of the whole range",
+                    "a held object can only be balanced with the contact of the whole range",
                     where=f"scene '{self._scene.name}'",
                 )
             for _ in self.solve_held(pad_contact):

@@ -148,7 +148,7 @@ def design(
         full = at_the_end(values)
         if full.max() > SATURATED:
             raise DermisError(
-                "the sensor is at the end of its scale",
+                "the sensor is saturated",
                 where=f"interaction '{name}', channel {full.argmax() + 1}",
                 value=f"{100 * full.max():.0f} % of the time",
                 limit=f"{100 * SATURATED:.0f} %",
@@ -206,7 +206,7 @@ def _doubts(names: tuple[str, ...], found: Reduction) -> tuple[Finding, ...]:
                 Finding(
                     "warning" if poor else "info",
                     "poorly-rendered" if poor else "table-limits",
-                    "all motors together leave much of this touch, so the number says little"
+                    "even all motors together render this touch poorly, so the number of motors is unreliable"
                     if poor
                     else "the table, not the motors, limits how well this touch is rendered",
                     f"interaction '{name}'",

@@ -44,11 +44,11 @@ def preset(found: Design, rule: Rule = "touch", motors: int | None = None, name:
     chosen = found.motors(rule) if motors is None else motors
     if chosen is None:
         raise DermisError(
-            "all motors together leave too much of the touch to say how many it needs",
+            "even all motors together render the touch too poorly to recommend a number",
             where="design",
             value=", ".join(found.poor),
             limit=f"{100 * POOR:g} % of the touch",
-            remedy="Use a table that reaches these touches, or say how many motors the preset shall have",
+            remedy="Use a table that reaches these touches, or state the number of motors for the preset",
         )
     k = chosen
     if not 1 <= k <= n:

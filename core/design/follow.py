@@ -198,7 +198,7 @@ def table_of(spec: DeviceSpec, file: Path, rest_rows: Sequence[int] = ()) -> Ski
     if spec.kind != "thimble":
         return load_table(spec, file, rest_rows)
     if rest_rows:
-        raise DermisError("a thimble's rest is its farthest pose", where="--rest-rows", limit="a platform's table")
+        raise DermisError("the rest of a thimble is its farthest pose", where="--rest-rows", limit="a platform's table")
     return thimble_table(spec, read_table(file).without_memory(), file.name)
 
 
@@ -266,7 +266,7 @@ def _sensor(table: SkinTable, recording: Recording) -> list[Finding]:
         Finding(
             "warning",
             "virtual-table",
-            "the table was swept with the virtual sensor: it does not apply to a real sensor's readings",
+            "the table was simulated with the virtual sensor: it does not apply to a real sensor's readings",
             f"recording '{recording.name}'",
             remedy="Use a table that was recorded with this sensor in this device",
         )

@@ -115,7 +115,7 @@ def read_recording(path: Path, rest: tuple[float, float] | None = None, beside: 
     made = Recording(path.stem, times, readings, channels, rest, {n: rows.values[:, names.index(n)] for n in beside})
     if rest is not None and (len(made._resting()) < 2 or rest[1] > times[-1] - times[0] + GAP):
         raise DermisError(
-            "too few samples at rest" if len(made._resting()) < 2 else "the rest goes on after the recording",
+            "too few samples at rest" if len(made._resting()) < 2 else "the rest lasts longer than the recording",
             where=where,
             value=f"{rest[0]:g} to {rest[1]:g} s: {len(made._resting())}",
             limit=f">= 2, within 0 to {times[-1] - times[0]:g} s",
@@ -132,7 +132,7 @@ def same_channels(recording: Recording, table: SkinTable) -> None:
     channels = table.readings.shape[1]
     if len(recording.channels) != channels:
         raise DermisError(
-            "the recording has another number of channels than the table",
+            "recording and table have different numbers of channels",
             where=f"recording '{recording.name}'",
             value=len(recording.channels),
             limit=f"{channels}, as in {table.meta.get('source', 'the table')}",
@@ -163,7 +163,7 @@ def _gaps(times: Array, rows: Rows) -> None:
     if usual > GAP and len(short) >= MANY:
         row = int(short[0]) + 1
         raise DermisError(
-            "the time between samples changes: the unit of the times may",
+            "the time between samples changes; perhaps the unit of the times changes",
             where=rows.place(row, 0),
             value=f"{steps[row - 1]:.4g} s; most samples are {usual:.4g} s apart",
             limit=f">= {usual / MISSED:.4g} s",

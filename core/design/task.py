@@ -116,7 +116,7 @@ def load_table(spec: DeviceSpec, file: Path, rest_rows: Sequence[int] = ()) -> S
         table = read_table(file, scale_of(spec), ends, mechanism(spec).rest, rest_rows)
     else:
         if rest_rows:
-            raise DermisError("a collected table says itself which row is untouched", where=str(file), limit=".csv")
+            raise DermisError("a collected table states its untouched row itself", where=str(file), limit=".csv")
         table = SkinTable.load(file)
     belongs(table, spec, where=str(file))
     return table

@@ -171,7 +171,7 @@ class Calibration:
                     where=f"calibration of '{self.device}'",
                     value=spec.hash,
                     limit=self.spec_hash,
-                    remedy="Look at each actuator again",
+                    remedy="Check each actuator again",
                 ),
             )
         return ()
@@ -229,7 +229,7 @@ class Calibration:
             _check_text(plain[what], f"{where}, {what}")
         device, spec_hash, actuators = plain["device"], plain["spec_hash"], plain["actuators"]
         if not isinstance(device, str) or not isinstance(spec_hash, str) or not isinstance(actuators, dict):
-            raise DermisError("a field of another kind", where=where)
+            raise DermisError("a field has the wrong type", where=where)
         entries = {}
         for name, fields in actuators.items():
             place = f"{where}, {name}"
@@ -260,11 +260,11 @@ def _outdated(measured: Response | FrequencyResponse, where: str, today: date) -
         Finding(
             "warning",
             "calibration-expired" if age >= 0 else "calibration-day-ahead",
-            f"calibrated {age} days ago" if age >= 0 else "calibrated on a day to come",
+            f"calibrated {age} days ago" if age >= 0 else "the day of calibration is in the future",
             where=where,
             value=measured.measured_on,
             limit=f"{measured.valid_days} days" if age >= 0 else today.isoformat(),
-            remedy="Measure it again" if age >= 0 else "Look at this computer's clock",
+            remedy="Measure it again" if age >= 0 else "Check this computer's clock",
         )
     ]
 
@@ -291,7 +291,7 @@ def _check(entry: Entry, where: str) -> None:
         raise DermisError("a gain of zero does not move the actuator", where=where, value=0, limit="not 0")
     if entry.response is not None and entry.response.latency and entry.frequency is not None:
         raise DermisError(
-            "the phase of the frequency response holds the latency already",
+            "the phase of the frequency response already contains the latency",
             where=where,
             value=f"latency {entry.response.latency:g} s",
             limit="0 s beside a frequency response",

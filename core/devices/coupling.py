@@ -75,7 +75,7 @@ def coupling_of(spec: DeviceSpec) -> Coupling | None:
             limit=f"({n}, {k}), a range for each original motor",
         )
     if np.linalg.matrix_rank(matrix) < k:
-        raise DermisError("two motors of the coupling do the same", where=where)
+        raise DermisError("two motors of the coupling are equal", where=where)
     unit = spec.channels[0].unit if "coupling_unit" not in p else str(p["coupling_unit"])
     channels = tuple(Channel(f"original_{i + 1}", unit, low=float(low[i]), high=float(high[i])) for i in range(n))
     return Coupling(matrix, offset, channels)

@@ -80,7 +80,7 @@ class FrequencyResponse:
             raise DermisError("fields missing or unknown", where=WHERE, limit=", ".join(FIELDS))
         rows = plain["points"]
         if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == 3 for row in rows):
-            raise DermisError("the points are a list of: frequency, gain, phase", where=WHERE)
+            raise DermisError("the points must be a list of frequency, gain, phase", where=WHERE)
         return cls(**{**plain, "points": tuple((row[0], row[1], row[2]) for row in rows)})
 
     @classmethod
@@ -187,7 +187,7 @@ def of_text(text: str, **more: Any) -> FrequencyResponse:
         numbers = [(float(a), float(b), float(c) * ANGLES["deg"]) for a, b, c in rows]
     except ValueError:
         raise DermisError(
-            "the readings are not three numbers each",
+            "each reading needs three numbers",
             where=WHERE,
             value=text[:80],
             limit="'frequency [Hz] gain phase [deg]; ...'",
@@ -259,7 +259,7 @@ def _check_points(points: Points) -> None:
             raise DermisError(
                 "the gain is too small here, so the response cannot be inverted"
                 if gain < LEAST_GAIN
-                else "the gain is no ratio of an actuator",
+                else "the gain is out of range",
                 where=place,
                 value=f"{gain:.4g}",
                 limit=f"{LEAST_GAIN:g} to {MOST_GAIN:g} times slow movement",

@@ -48,7 +48,7 @@ class GainCurve:
         where = "gain curve"
         if len(self.frequency) != len(self.gain):
             raise DermisError(
-                "frequencies and gains are not equally many",
+                "the numbers of frequencies and gains differ",
                 where=where,
                 value=f"{len(self.frequency)} and {len(self.gain)}",
                 remedy="State a gain for each frequency",

@@ -116,7 +116,7 @@ def _force_limits(spec: DeviceSpec, pins: int, limit: float) -> Array:
     if not (limits > 0).all():
         weak = spec.channels[int(np.argmin(limits))]
         raise DermisError(
-            "a pin has no force to press with", where=f"{where}, {weak.name}", value=weak.high, limit="> 0 N"
+            "the force limit of a pin must be above 0", where=f"{where}, {weak.name}", value=weak.high, limit="> 0 N"
         )
     return limits
 

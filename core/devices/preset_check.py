@@ -52,7 +52,7 @@ def check_device(spec: DeviceSpec) -> None:
                 where=where,
                 value=name,
                 limit=", ".join(table),
-                remedy="What is only for people belongs into 'description'",
+                remedy="Put remarks for people into 'description'",
             )
         if name == "range_disc_radius":
             continue  # it has the unit of its two channels, and was checked with them
@@ -64,7 +64,7 @@ def check_device(spec: DeviceSpec) -> None:
         if kind.platform:
             coupling_of(spec)
     except (ArithmeticError, np.linalg.LinAlgError) as error:
-        raise DermisError("its quantities fit no mechanism", where=where, value=str(error)) from error
+        raise DermisError("its dimensions fit no mechanism", where=where, value=str(error)) from error
 
 
 def _check_fields(given: Mapping[str, Any], known: Sequence[str], where: str) -> None:
@@ -101,7 +101,7 @@ def _check_channels(spec: DeviceSpec, kind: Kind, where: str) -> None:
     count = kind.count if isinstance(kind.count, int) else math.prod(int(spec.parameters[name]) for name in kind.count)
     if count and "coupling" not in spec.parameters and len(spec.channels) != count:
         raise DermisError(
-            "the channels are not as many as the device's pins or motors",
+            "the number of channels differs from that of the pins or motors",
             where=where,
             value=len(spec.channels),
             limit=str(count),

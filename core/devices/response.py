@@ -161,7 +161,7 @@ class Response:
         high = min(self.rising[-1][0], self.falling[-1][0])
         if low >= high:
             raise DermisError(
-                "the ways up and down were measured in different places",
+                "the curves up and down cover different ranges",
                 where="measured curve",
                 value=f"{self.rising[0][0]:.4g} to {self.rising[-1][0]:.4g}, {self.falling[0][0]:.4g} to "
                 f"{self.falling[-1][0]:.4g}",
@@ -367,7 +367,7 @@ def _check_points(points: Points, name: str) -> None:
     whole = float(np.ptp(table[:, 1]) / np.ptp(table[:, 0]))
     if not 1 / FACTOR <= whole <= FACTOR:
         raise DermisError(
-            "the actuator reaches much more or less than it is driven",
+            "the reached position differs too much from the driven one",
             where=where,
             value=f"{whole:.4g} times as much",
             limit=f"{1 / FACTOR:g} to {FACTOR:g} times",

@@ -57,7 +57,8 @@ def of_readings(driven: ArrayLike, reached: ArrayLike, **more: Any) -> Response:
                 where=f"measured curve, {'way up' if way else 'way down'}",
                 value=max(map(len, mine), default=0),
                 limit=f">= {LEAST} that are on the curve",
-                remedy="Take five or more on each way: where it is turned round, play is taken up before it moves",
+                remedy="Take five or more in each direction: after a reversal the actuator moves only "
+                "when its play is taken up",
             )
         curves[way], scatter = _averaged(mine)
         apart = max(apart, scatter)
@@ -93,10 +94,10 @@ def read_csv(path: Path, unit: str = "", **more: Any) -> Response:
         of = dimension(rows.names[found[0]])
         if unit and of and of != unit:
             raise DermisError(
-                "the unit is none of this channel's",
+                "the unit does not fit this channel",
                 where=f"{path}, column '{rows.names[found[0]]}'",
                 limit=f"one of {unit}: {', '.join(LENGTHS if unit == 'm' else ANGLES if unit == 'rad' else [unit])}",
-                remedy="Convert the column to what the actuator is driven in",
+                remedy="Convert the column to the unit of the actuator",
             )
         columns[names[0]] = rows.values[:, found[0]] * length_or_angle(rows.names[found[0]])
         if bad := np.flatnonzero(~np.isfinite(columns[names[0]])).tolist():

@@ -86,7 +86,7 @@ def _value(spec: DeviceSpec, name: str, entry: Any, where: str) -> float:
     channel, value = spec.channel(name), quantity(entry, where=where)
     unit = entry["unit"] if isinstance(entry, Mapping) else channel.unit
     if isinstance(value, list) or UNITS[unit][0] != channel.unit:
-        raise DermisError("not one value in the channel's unit", where=where, value=value)
+        raise DermisError("not a value in the channel's unit", where=where, value=value)
     low = -float("inf") if channel.low is None else channel.low
     high = float("inf") if channel.high is None else channel.high
     if not low <= value <= high:

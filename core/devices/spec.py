@@ -174,7 +174,7 @@ def _rate(entry: Any, where: str) -> float:
     """Return the command rate [Hz]; it must not exceed the largest rate of a stream."""
     rate, most = positive(_number(entry, where), where), STREAM["rate"].high
     if most is not None and rate > most:
-        raise DermisError("more commands a second than are sent", where=where, value=rate, limit=f"<= {most:g} Hz")
+        raise DermisError("the rate is higher than Dermis can send", where=where, value=rate, limit=f"<= {most:g} Hz")
     return rate
 
 
@@ -222,7 +222,7 @@ def _group(preset: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any
 def _number(field: Any, where: str) -> float:
     value = quantity(field, where=where)
     if isinstance(value, list):
-        raise DermisError("one number is wanted, not a list", where=where, value=value)
+        raise DermisError("one number is needed, not a list", where=where, value=value)
     return float(value)
 
 
@@ -264,7 +264,7 @@ def _channel(entry: Mapping[str, Any], where: str) -> Channel:
     place = f"{where}, channel '{entry['name']}'"
     if not NAME.fullmatch(entry["name"]):
         raise DermisError(
-            "a channel's name has a character that it may not have",
+            "a channel's name has a character that is not allowed",
             where=place,
             value=entry["name"],
             limit="letters, digits, '_', '.', '-', first no digit",
@@ -294,6 +294,6 @@ def _in_unit(field: Any, unit: str, where: str) -> float:
     wanted = f"{unit}/s" if where.endswith(", slew") else unit
     if isinstance(field, Mapping) and UNITS[field["unit"]][0] != wanted:
         raise DermisError(
-            "a unit of another kind", where=where, value=field["unit"], limit=f"one that converts to {wanted}"
+            "a unit of the wrong kind", where=where, value=field["unit"], limit=f"one that converts to {wanted}"
         )
     return value

@@ -56,7 +56,7 @@ class VoiceCoil:
         volts = spec.channel(VOLTAGE)
         if volts.low is None or volts.high is None or not volts.low < 0.0 < volts.high:
             raise DermisError(
-                "the voltage has no limit to both sides",
+                "the voltage needs limits on both sides",
                 where=where,
                 value=(volts.low, volts.high),
                 limit="low < 0 V < high",

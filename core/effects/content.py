@@ -345,4 +345,4 @@ def _check(length: float, damping: float, gravity: float) -> None:
 
 def _room(size: float) -> None:
     if not size > 0.0:
-        raise DermisError("the room of a content must be above 0", value=size, limit="> 0 m")
+        raise DermisError("the size of a content's space must be above 0", value=size, limit="> 0 m")

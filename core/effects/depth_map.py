@@ -78,7 +78,7 @@ def read(
     where = first if len(paths) == 1 else f"{first} and {len(paths) - 1} more"
     if unit is not None and not SMALLEST_UNIT <= number_of(unit, "unit", where) <= LARGEST_UNIT:
         limit = f"{SMALLEST_UNIT:g} to {LARGEST_UNIT:g} m"
-        raise DermisError("the unit is no length that a number may stand for", where=where, value=unit, limit=limit)
+        raise DermisError("the unit of the numbers is out of range", where=where, value=unit, limit=limit)
     noticed: list[Finding] = []
     work = MapRepair(meaning, no_data, steps, where)
     heights: NDArray[np.float32] | None = None
@@ -197,8 +197,8 @@ def _check_white(raster: images.Raster, path: str | Path) -> None:
             "the map holds whole numbers as lengths, and their unit is not stated",
             where=f"image '{Path(path).name}'",
             value=f"{found[0]:.7g} to {found[1]:.7g} of {raster.levels - 1}",
-            remedy="Say what one stands for: Values Are in the Dermis tab under Touch: Screen, or unit=1e-3 (mm) in a "
-            "script",
+            remedy="State the unit of the numbers: Values Are in the Dermis tab under Touch: Screen, or unit=1e-3 (mm) "
+            "in a script",
             code="no-unit",
         )
 

@@ -45,7 +45,7 @@ class MapRepair:
     def __init__(self, meaning: Meaning, no_data: NoData, steps: Steps, where: str) -> None:
         if meaning not in MEANINGS or steps not in STEPS:
             raise DermisError(
-                "unknown way to read a map",
+                "unknown kind of map or treatment of steps",
                 where=where,
                 value=f"{meaning}, {steps}",
                 limit="height or depth; smooth or keep",
@@ -160,7 +160,7 @@ class MapRepair:
                 len(missing),
                 "warning" if any(missing) else "info",  # 0 may be absent: a camera that measured every pixel has none
                 "no-such-hole",
-                "no pixel holds the value that stands for 'nothing measured'",
+                "no pixel has the value that means 'not measured'",
                 ", ".join(f"{number:.9g}" for number in missing),
                 "Give the number as the file stores it, such as 65535",
             ),
@@ -230,7 +230,7 @@ def no_data_of(text: str, where: str) -> NoData:
         ]
     except ValueError as error:
         limit = "numbers as the file stores them, such as -9999 or '65535; 0'; or 'none'"
-        raise DermisError("not a number that stands for 'no data'", where=where, value=text, limit=limit) from error
+        raise DermisError("not a number that can mean 'no data'", where=where, value=text, limit=limit) from error
     return None if not said else said[0] if len(said) == 1 else tuple(said)
 
 

@@ -125,4 +125,4 @@ def without_downhill(friction: Array, way: str) -> Array:
         return np.maximum(0.5 * (MAX_FRICTION + friction), 0.0)
     if way == "absolute":
         return np.abs(friction)
-    raise DermisError("unknown downhill", value=way, limit=DEVICE["downhill"].allowed)
+    raise DermisError("unknown treatment of downhill slopes", value=way, limit=DEVICE["downhill"].allowed)

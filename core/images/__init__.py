@@ -47,7 +47,7 @@ def read(path: str | Path) -> Raster:
         return netpbm.decode(data, where)
     kind = next((name for magic, name in _OTHERS.items() if data.startswith(magic)), "unknown")
     raise DermisError(
-        "this kind of image is not read here",
+        "this kind of image is not supported",
         where=where,
         value=kind,
         limit=READABLE,

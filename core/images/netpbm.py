@@ -79,7 +79,7 @@ def _check_end(data: bytes, end: int, where: str) -> None:
 
 def _left_over(where: str, found: str) -> DermisError:
     return DermisError(
-        "the image goes on behind its last pixel, so its pixels are not what its header says",
+        "there is data after the last pixel, so the pixels do not match the header",
         where=where,
         value=found,
         limit="nothing, white space, or another image",

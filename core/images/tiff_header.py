@@ -139,7 +139,7 @@ class TiffHeader:
             return float(text)
         except ValueError as error:
             raise DermisError(
-                "the file declares no data by something that is no number",
+                "the file's value for 'no data' is not a number",
                 where=f"{self.where}, tag {NO_DATA}",
                 value=text[:40],
                 remedy="Write the tag again, as a number",
@@ -207,7 +207,7 @@ class TiffHeader:
 def unreadable(found: str, where: str) -> DermisError:
     """Return that pixels of a kind are not read."""
     return DermisError(
-        "pixels of this kind are not read here",
+        "pixels of this kind are not supported",
         where=where,
         value=found,
         limit="one grey sample of up to 64 bits, whole or floating point; colours of 8 bit",

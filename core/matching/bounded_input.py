@@ -56,7 +56,7 @@ def _bound(which: str, given: Any, n: int) -> Array:
     try:
         bound = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError):
-        raise DermisError(f"the {which} bounds are no numbers", where=WHERE, limit=f"a number or ({n},)") from None
+        raise DermisError(f"the {which} bounds are not numbers", where=WHERE, limit=f"a number or ({n},)") from None
     if bound.shape not in ((), (n,)):
         raise DermisError(f"the {which} bounds do not fit", where=WHERE, value=bound.shape, limit=f"a number or ({n},)")
     return np.array(np.broadcast_to(bound, (n,)))

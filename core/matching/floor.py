@@ -102,7 +102,7 @@ class Floor:
             Finding(
                 "warning" if whole else "info",
                 "floor-above-touch",
-                "the best pose found is farther from the touch than no touch at all"
+                "the error of the best pose found is larger than that of no touch at all"
                 + ("" if whole else " at some samples"),
                 where,
                 f"{100 * self.best[0]:.0f} % of the touch",

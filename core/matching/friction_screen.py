@@ -250,7 +250,7 @@ def _hole_findings(
         Finding(
             "warning",
             "over-hole",
-            "the finger passes over a part of the map without heights; what it feels there was filled in from the rims",
+            "the finger passes over a part of the map without heights; the heights there were filled in from the rims",
             where=f"screen '{scene.screens[screen].name}'",
             count=int(over.sum()),
             remedy="Measure the part, or lead the finger around it",

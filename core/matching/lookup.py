@@ -185,8 +185,8 @@ def render(
             Finding(
                 "info",
                 "other-contact",
-                f"the touch is felt at {felt_on}, the table was pressed on {table.meta['pressed_on']}: of a draft "
-                "skin's touch a fifth may be the difference between the two",
+                f"contact is solved at {felt_on}, but in the table at {table.meta['pressed_on']}: on a draft skin this "
+                "may change the touch by a fifth",
                 f"finger '{scene.fingers[finger].name}'",
                 remedy="Set the finger's Contact to the same as the table's, or collect the table again",
             )
@@ -205,7 +205,7 @@ def render(
                 Finding(
                     "warning",
                     "sensor-saturated",
-                    "the virtual sensor is at the end of its scale",
+                    "the virtual sensor is saturated",
                     "look-up matching",
                     limit="0 to 4095 counts",
                     count=full,

@@ -129,7 +129,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
             Finding(
                 "info",
                 "too-steep",
-                "the surface is steeper than a screen can be read from; its slope is limited",
+                "the surface is too steep for the screen; its slope is limited",
                 where=where,
                 limit=f"n_z >= {STEEPEST_NORMAL:g}",
                 count=limited,
@@ -155,7 +155,7 @@ def _checked(settings: Settings, where: str) -> tuple[str, str, str]:
     """Return the scale mode, the downhill mode and the formula."""
     profile = settings.constant("profile")
     if profile != "slope":
-        raise DermisError("the normals of a mesh know no such profile", where=where, value=profile, limit="slope")
+        raise DermisError("this profile is not available for a mesh", where=where, value=profile, limit="slope")
     return settings.constant("scale_mode"), settings.constant("downhill"), settings.constant("relief_formula")
 
 

@@ -88,11 +88,11 @@ class NearestPoints:
         queries = np.ascontiguousarray(queries, np.float64)
         if not 1 <= k <= self.count:
             raise DermisError(
-                "as many neighbours as there are points", where="look-up table", value=k, limit=f"1 to {self.count}"
+                "the number of neighbours is out of range", where="look-up table", value=k, limit=f"1 to {self.count}"
             )
         if queries.ndim != 2 or queries.shape[1] != self.dimensions:
             raise DermisError(
-                "the query has another number of channels than the table",
+                "query and table have different numbers of channels",
                 where="look-up table",
                 value=queries.shape,
                 limit=f"(n, {self.dimensions})",

@@ -110,7 +110,7 @@ def compare(
         raise DermisError("nothing was touched, so there is nothing to compare", where=where)
     if finer is not None:
         if not np.array_equal(finer.times, skin.times):
-            raise DermisError("the finer skin felt another scene", where=where, value=len(finer.times))
+            raise DermisError("the finer skin belongs to another scene", where=where, value=len(finer.times))
         if not len(finer.contact):
             raise DermisError("the finer skin touched nothing, so there is nothing to compare", where=where)
         _finer(skin.model.mesh.free.size, finer.model.mesh.free.size, where)
@@ -152,7 +152,7 @@ def compare_scene(
     for f in wearers if finer else ():
         if "mesh" in (scene.fingers[f].parameters.get("skin") or {}):
             raise DermisError(
-                "there is no finer mesh of a skin mesh of your own to judge the commands on",
+                "a skin mesh of your own has no finer mesh to judge the commands on",
                 where=_named(scene, f),
                 remedy="Compare without a finer mesh, or with a skin described by its size",
             )

@@ -299,7 +299,7 @@ def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frame
             Finding(
                 "info",
                 "pins-at-limit",
-                "pins press as hard as they can, so the skin is not deformed as wanted",
+                "pins are at their force limit, so the target deformation is not reached",
                 "pin array",
                 f"up to {int(series['at_limit'].max())} pins",
                 f"{ready.pins.force_limit.max():g} N a pin",

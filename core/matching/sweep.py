@@ -34,7 +34,7 @@ def sweep(spec: DeviceSpec, points: Array, rows: int | None = None) -> tuple[Arr
     if outside > UNREACHED * len(commands):
         ends = np.array([ends_of(c) for c in original_channels(spec)])
         raise DermisError(
-            "the sweep asks for more than the motors can do",
+            "the sweep exceeds the range of the motors",
             where=f"device preset '{spec.key}'",
             value=f"{outside} of {len(commands)} rows, first {commands[~within][0].round(4).tolist()}",
             limit=f"{ends[:, 0].min():.4g} to {ends[:, 1].max():.4g}, but for {100 * UNREACHED:g} % of the rows",

@@ -104,7 +104,7 @@ class SkinTable:
         rows = np.flatnonzero(told)
         if len(rows) < NEIGHBOURS:
             raise DermisError(
-                "too few rows can be told from rest",
+                "too few rows differ from rest",
                 where="look-up table",
                 value=len(rows),
                 limit=f">= {NEIGHBOURS}",
@@ -160,7 +160,7 @@ class SkinTable:
         where = str(path)
         if Path(path).suffix.lower() == ".csv":
             raise DermisError(
-                "a recorded table is not one to render with yet",
+                "a recorded table cannot be used for rendering yet",
                 where=where,
                 limit=".npz",
                 remedy="Convert it: core design --table FILE.csv --save-table FILE.npz",

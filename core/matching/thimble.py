@@ -306,7 +306,7 @@ def findings_of(found: ThimbleSequence, where: str) -> list[Finding]:
             Finding(
                 "warning" if steep > MAX_STEEP * touched else "info",
                 "singular-pose",
-                "a better match lies at a pose in which the platform gives way although its servos are held",
+                "a better match lies near a singularity, where the platform yields although its servos hold",
                 where,
                 limit=f"singularity margin >= {MIN_MARGIN:g}",
                 remedy="Touch less steeply, or use other link lengths",

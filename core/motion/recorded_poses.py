@@ -84,7 +84,9 @@ def of_rows(rows: Rows, *, columns: str = "", rate: float = 100.0, unit: float |
     known = _known(rows, columns)
     place = {column.meaning: index for index, column in enumerate(known) if column.meaning}
     if len(rows.values) < 2:
-        raise DermisError("a single row is no motion", where=rows.where, value=len(rows.values), limit=">= 2 rows")
+        raise DermisError(
+            "a motion needs at least two rows", where=rows.where, value=len(rows.values), limit=">= 2 rows"
+        )
     turn = next((kind for kind in (QUATERNION, VECTOR, EULER) if all(name in place for name in kind)), ())
     used = [place[name] for name in (*PLACE, *turn)]
     _check_finite(rows, used)
@@ -209,7 +211,7 @@ def _known(rows: Rows, columns: str) -> tuple[Column, ...]:
         names = [name.strip() for name in columns.split(",")]
         if len(names) != rows.values.shape[1]:
             raise DermisError(
-                "another number of columns is named than the file has",
+                "the number of named columns differs from that of the file",
                 where=rows.where,
                 value=len(names),
                 limit=f"{rows.values.shape[1]}",
@@ -218,7 +220,7 @@ def _known(rows: Rows, columns: str) -> tuple[Column, ...]:
         unknown = [name for name, column in zip(names, known, strict=True) if not column.meaning and name != "-"]
         if unknown:
             raise DermisError(
-                "a column is named by something that is not known",
+                "unknown name of a column",
                 where=rows.where,
                 value=unknown[0],
                 limit="time, frame, x, y, z, qw, qx, qy, qz, rx, ry, rz, rotvec_x, ... with a unit; '-' for no use",
@@ -261,7 +263,7 @@ def _check_finite(rows: Rows, used: Sequence[int]) -> None:
     bad = np.argwhere(~np.isfinite(rows.values[:, used]))
     if len(bad):
         row, index = bad[0]
-        raise DermisError("a value is missing or no number", where=rows.place(int(row), used[index]))
+        raise DermisError("a value is missing or is not a number", where=rows.place(int(row), used[index]))
 
 
 def _unit_length(values: Array) -> bool:
@@ -289,10 +291,10 @@ def _quaternions(given: Array, turn: Sequence[str], rows: Rows, column: int) -> 
     if len(off):
         row = int(off[0])
         raise DermisError(
-            "these four numbers are no rotation: a quaternion has the length 1",
+            "these four numbers are not a rotation: a quaternion has the length 1",
             where=rows.place(row, column),
             value=f"{length[row]:.4g}",
             limit=f"{1 - OFF_UNIT:g} to {1 + OFF_UNIT:g}",
-            remedy="Name the columns as what they are, or scale the quaternions",
+            remedy="Give the columns their right names, or scale the quaternions",
         )
     return given

@@ -14,11 +14,11 @@ def _effect(name: str, label: str, text: str, source: str) -> Parameter:
 
 
 _TACTOR = table(
-    _effect("use_transient", "Contact Transient", "Render the vibration of making contact", "[S3] eq. 1"),
+    _effect("use_transient", "Contact Transient", "Render the vibration at first contact", "[S3] eq. 1"),
     _effect("use_texture", "Texture", "Render the texture of the surface under the finger", "[S3] eq. 2 and 3"),
     _effect("use_weight", "Weight", "Render weight and inertia of a held object", "[S3] eq. 4"),
     _effect("use_content", "Content", "Render the moving contents of a held object", "[S3] eq. 5"),
-    _effect("use_pattern", "Pattern", "Render the finger's own pattern, a cue for direction", "[S3] eq. 7 and 8"),
+    _effect("use_pattern", "Pattern", "Render the finger's direction pattern", "[S3] eq. 7 and 8"),
     Parameter(
         name="projection",
         unit=TEXT,
@@ -28,7 +28,7 @@ _TACTOR = table(
         default="magnitude",
         choices=(
             ("magnitude", "Keep Magnitude", "The length is min(1, |P inv(T) d|), the direction that of P inv(T) d"),
-            ("printed", "As Printed", "The formula as the paper prints it, which weakens tilted vectors twice"),
+            ("printed", "As Printed", "The formula as printed in the paper; it shortens tilted vectors twice"),
         ),
     ),
     Parameter(
@@ -39,7 +39,7 @@ _TACTOR = table(
         default="tilted",
         choices=(
             ("tilted", "Turned to the Pad", "Turn the normal part to the pad axis that the device preset declares"),
-            ("printed", "As Printed", "Drop it, as the printed formula does"),
+            ("printed", "As Printed", "Leave it out, as the printed formula does"),
         ),
     ),
     Parameter(
@@ -76,7 +76,7 @@ _FRICTION_SCREEN = table(
             (
                 "map",
                 "Screen's Map",
-                "The relief that the touch screen was given: an image, or a mesh cast onto it once ([S4] eq. 3)",
+                "The relief of the touch screen: an image, or a mesh cast onto the screen once ([S4] eq. 3)",
             ),
             (
                 "mesh",
@@ -98,8 +98,8 @@ _FRICTION_SCREEN = table(
             (
                 "printed",
                 "As Printed",
-                "f0 n . [v, 0], the formula as the paper prints it: its sign is opposite, downhill "
-                "resists, and steep slopes are compressed",
+                "f0 n . [v, 0], the formula as printed in the paper: friction rises downhill, and steep slopes are "
+                "compressed",
             ),
         ),
     ),
@@ -124,8 +124,8 @@ _FRICTION_SCREEN = table(
         default="rectify",
         choices=(
             ("rectify", "Rectify", "No extra friction downhill"),
-            ("offset", "Offset", "Flat ground at mid range, less friction downhill"),
-            ("absolute", "Absolute", "Friction of the steepness, uphill or down"),
+            ("offset", "Offset", "Medium friction on flat ground, less downhill"),
+            ("absolute", "Absolute", "Friction follows the absolute slope, uphill and downhill"),
         ),
     ),
     Parameter(
@@ -151,7 +151,7 @@ _FRICTION_SCREEN = table(
         high=1e9,
         soft=(None, 1000.0),
         keyed=True,
-        note="scale_mode 'manual' asks for one above 0",
+        note="for scale_mode 'manual', it must be above 0",
     ),
     Parameter(
         name="carrier",

@@ -31,7 +31,7 @@ FINGER = table(
         choices=(
             ("none", "None", "No pattern"),
             ("orientation", "Orientation", "The tactor rubs along a line ([S3] eq. 7)"),
-            ("direction", "Direction", "The tactor moves out along a direction and comes back ([S3] eq. 8)"),
+            ("direction", "Direction", "The tactor moves along a direction and returns ([S3] eq. 8)"),
         ),
     ),
     Parameter(

@@ -86,7 +86,7 @@ MATERIAL = table(
         soft=(None, 2.0),
         digits=3,
         keyed=True,
-        note="contents that say no mass weigh alike; an object that says none is not held by simulated skin",
+        note="contents without a mass share the weight equally; simulated skin does not hold an object without a mass",
     ),
     Parameter(
         name="transient_on",
@@ -221,7 +221,7 @@ MATERIAL = table(
             ("child", "Child Objects", "The touchable objects parented to this one"),
             ("pendulum", "Pendulum", "A body that hangs from the object's centre of gravity"),
             ("slosh", "Slosh", "A liquid that swings along the horizontal plane"),
-            ("loose", "Loose Body", "A body that slides and bounces between walls"),
+            ("loose", "Loose Body", "A body that slides and bounces between two walls"),
         ),
     ),
     Parameter(
@@ -307,7 +307,7 @@ BODY = table(
         high=10.0,
         soft=(None, 0.5),
         digits=3,
-        note="about as fast as a hand turns back; of use to simulated skin",
+        note="about the time in which a hand reverses; used with simulated skin",
     ),
 )
 # Used while Blender's scene is sampled. The engine gets a surface that is already curved, in `Body.mesh`.

@@ -137,14 +137,14 @@ class Parameter:
             raise DermisError(f"unknown {self.name.replace('_', ' ')}", where=place, value=value, limit=self.allowed)
         if not self.numeric:
             if not self._has_form(value, strict=unit is not None):
-                raise DermisError("another kind of value", where=place, value=value, limit=self.unit)
+                raise DermisError("a value of the wrong kind", where=place, value=value, limit=self.unit)
             return
         numbers = self._numbers(value)
         if numbers is None:
-            raise DermisError("another kind of value", where=place, value=value, limit=self._form)
+            raise DermisError("a value of the wrong kind", where=place, value=value, limit=self._form)
         if unit is not None and self.unit and UNITS[unit][0] != self.unit:
             raise DermisError(
-                "a unit of another kind", where=place, value=unit, limit=f"one that converts to {self.unit}"
+                "a unit of the wrong kind", where=place, value=unit, limit=f"one that converts to {self.unit}"
             )
         for number in numbers:
             self._check_number(number, where)

@@ -35,20 +35,20 @@ def _length(name: str, label: str, text: str, default: float) -> Parameter:
 
 # Lengths that also define the outer shape of the finger's mesh in Blender.
 OUTER = table(
-    _length("width", "Width", "Of the finger at the pad's centre", 16e-3),
-    _length("thickness", "Thickness", "From pad to back at the pad's centre", 13e-3),
-    _length("length", "Length", "From the cut end to the tip", 24e-3),
-    _length("tip", "Pad to Tip", "From the pad's centre to the tip", 10.5e-3),
-    _length("nail_width", "Nail Width", "The nail holds the tissue under it", 10.5e-3),
-    _length("nail_length", "Nail Length", "Of the nail, along the finger", 11e-3),
-    _length("nail_margin", "Nail to Tip", "From the nail's front edge to the tip", 1.5e-3),
+    _length("width", "Width", "Width of the finger at the pad's centre", 16e-3),
+    _length("thickness", "Thickness", "Thickness of the finger from pad to back, at the pad's centre", 13e-3),
+    _length("length", "Length", "Length of the fingertip from its cut end to the tip", 24e-3),
+    _length("tip", "Pad to Tip", "Distance from the pad's centre to the tip", 10.5e-3),
+    _length("nail_width", "Nail Width", "Width of the nail, which holds the tissue under it", 10.5e-3),
+    _length("nail_length", "Nail Length", "Length of the nail along the finger", 11e-3),
+    _length("nail_margin", "Nail to Tip", "Distance from the nail's front edge to the tip", 1.5e-3),
 )
 LENGTHS = table(
     *OUTER.values(),
     _length("bone_width", "Bone Width", "Of the last phalanx's shaft", 6.4e-3),
     _length("bone_thickness", "Bone Thickness", "Of the last phalanx's shaft", 4.6e-3),
-    _length("bone_bed", "Bone to Back", "Soft tissue between the bone and the back of the finger", 2e-3),
-    _length("bone_margin", "Bone to Tip", "Soft tissue between the bone's end and the tip", 4.5e-3),
+    _length("bone_bed", "Bone to Back", "Thickness of the soft tissue between bone and back of the finger", 2e-3),
+    _length("bone_margin", "Bone to Tip", "Thickness of the soft tissue between the bone's end and the tip", 4.5e-3),
 )
 TISSUE = table(
     Parameter(
@@ -133,7 +133,7 @@ SKIN_CONTACT = table(
             ("fine", "Fine", f"About {TETRAHEDRA['fine']} tetrahedra: for final figures; made once in some seconds"),
         ),
         besides=("reference",),
-        note="'reference', 88k tetrahedra, is for scripts: no window should wait for it",
+        note="'reference', with 88k tetrahedra, is for scripts, because it is too slow for a window",
     ),
     Parameter(
         name="tissue",
@@ -142,23 +142,20 @@ SKIN_CONTACT = table(
         text="Material law of the finger's tissue",
         default="linear",
         choices=(
-            (
-                "linear",
-                "Linear",
-                "Twice the load, twice the displacement: for light touch, and for devices that need it",
-            ),
+            ("linear", "Linear", "Displacement is proportional to load: for light touch"),
             (
                 "neo_hookean",
                 "Neo-Hookean",
-                "Stiffens and shears as rubber does, at less than twice the price of a frame: for presses beyond half "
-                "a millimetre, and for drag. Pressed 2 mm deep, its stress 1.6 mm below the skin is up to 10 % off "
-                "for the standard mesh (Fine: 5 %)",
+                "Stiffens under load and shears as rubber does; a frame takes less than twice as long. For presses "
+                "deeper than half a millimetre, and for drag. At 2 mm depth the stress 1.6 mm below the skin is off "
+                "by up to 10 % on the standard mesh (Fine: 5 %)",
             ),
         ),
         besides=("neo_hookean_exact",),
-        note="'neo_hookean_exact' is what files of older versions call it. Devices that press on the skin are searched "
-        "on linear skin and corrected by the same law at each sample, on any fingertip and mesh. Poisson's ratio and E "
-        "have the meaning of linear tissue, which is the law's limit under small loads",
+        note="files of older versions name the neo-Hookean tissue 'neo_hookean_exact'. For devices that press on "
+        "the skin, the search runs on linear skin, corrected by the same law at each sample, on any fingertip "
+        "and mesh. Poisson's ratio and E are those of linear tissue, which is the limit of the law for small "
+        "loads",
     ),
     Parameter(
         name="contact",
@@ -181,8 +178,9 @@ SKIN_CONTACT = table(
                 f"Force off by at most, where pressed, on the standard mesh: {FORCE_ERRORS['nodes']}",
             ),
         ),
-        note="a fingertip of lengths or of a Poisson's ratio that no preset has needs a table, made once in some "
-        "20 s; until then, and on a mesh of one's own, contact is solved at the nodes and a finding says so",
+        note="a fingertip whose lengths or Poisson's ratio differ from all presets needs a table, which takes "
+        "about 20 s once. Until then, and on a mesh of your own, contact is solved at the nodes, as a finding "
+        "says",
     ),
     Parameter(
         name="solved_at",
@@ -198,10 +196,10 @@ SKIN_CONTACT = table(
                 "samples at once: at most 0.2 mm and 1/60 s. Forces between lie on a line, within 1 % of those "
                 "of every sample solved; up to twice as fast",
             ),
-            ("samples", "Every Sample", "However little moves between two"),
+            ("samples", "Every Sample", "Each sample, however small the movement"),
         ),
-        note="fingers that hold something, that are solved at the mesh's nodes or whose touch depth is compliant are "
-        "solved at every sample; a preview solves the frames that it shows",
+        note="contact is solved at every sample for fingers that hold an object, that are solved at the mesh's "
+        "nodes, or whose touch depth is compliant. A preview solves the frames that it shows",
     ),
     Parameter(
         name="depth_mode",
@@ -210,7 +208,7 @@ SKIN_CONTACT = table(
         text="Behaviour of the bone when the animation presses the finger into an object",
         default="animated",
         choices=(
-            ("animated", "As Animated", "The bone follows the animation exactly, however deep"),
+            ("animated", "As Animated", "The bone follows the animation exactly, at any depth"),
             (
                 "compliant",
                 "Compliant",

@@ -24,7 +24,7 @@ def _first_contact(servo: int) -> Parameter:
         low=-3.15,
         high=3.15,
         soft=(-0.698, 0.698),
-        note="must lie within the servo's range, which the preset says",
+        note="must be within the servo's range, which the preset states",
     )
 
 
@@ -40,13 +40,17 @@ PINS = table(
             (
                 "DM2",
                 "Deformation, Optimal (DM2)",
-                "The pins' forces whose effect on the skin is nearest to the target's, within a pin's limits",
+                "Pin forces whose deformation of the skin is nearest to the target, within the pins' limits",
             ),
-            ("DM1", "Deformation, Clamped (DM1)", "As DM0, then every force moved into its range: for comparison"),
-            ("DM0", "Deformation, Free (DM0)", "Pins that could pull as well as push: for comparison"),
-            ("FM2", "Force, Optimal (FM2)", "The pins' forces nearest to the target's forces, within a pin's limits"),
-            ("FM1", "Force, Clamped (FM1)", "As FM0, then every force moved into its range: the usual way"),
-            ("FM0", "Force, Free (FM0)", "Pins that could pull as well as push: for comparison"),
+            ("DM1", "Deformation, Clamped (DM1)", "As DM0; then each force is clipped to its range. For comparison"),
+            ("DM0", "Deformation, Free (DM0)", "Pins that can also pull. For comparison"),
+            (
+                "FM2",
+                "Force, Optimal (FM2)",
+                "Pin forces nearest to the contact forces of the target, within the pins' limits",
+            ),
+            ("FM1", "Force, Clamped (FM1)", "As FM0; then each force is clipped to its range. The most common method"),
+            ("FM0", "Force, Free (FM0)", "Pins that can also pull. For comparison"),
         ),
     ),
     Parameter(
@@ -76,25 +80,28 @@ PINS = table(
         text="Advance the track by the device's control delay, so that pins press at the time of the visible touch",
         default=True,
     ),
-    _fade("pin_fade_in", "Fade In", "Time in which the pins' forces come up at the start of the track"),
-    _fade("pin_fade_out", "Fade Out", "Time in which the pins' forces go down at the end of the track"),
+    _fade("pin_fade_in", "Fade In", "Time in which the pin forces rise at the start of the track"),
+    _fade("pin_fade_out", "Fade Out", "Time in which the pin forces fall at the end of the track"),
 )
 
 _METHOD_TEXTS = (
     (
         "stress",
         "Stress, Direct",
-        "The pose whose stress in the skin is nearest to the target's; the contact is "
-        "solved for every pose that is tried",
+        "The pose whose stress in the skin is nearest to the target's. Contact is solved at every pose of the search",
     ),
     (
         "network",
         "Stress, Network",
-        "The same with a small network in place of the contact; needs an adaptation to this finger",
+        "The same with a small neural network in place of contact. Needs an adaptation to this finger",
     ),
-    ("ridge", "Stress, Polynomial", "The same with a quadratic polynomial (ridge); needs an adaptation to this finger"),
-    ("force", "Force Only", "Only the total force is compared: the paper's first rival, for comparison"),
-    ("geometry", "Geometry Only", "The disc's plane is laid on the contact: the paper's second rival, for comparison"),
+    (
+        "ridge",
+        "Stress, Polynomial",
+        "The same with a quadratic polynomial (ridge regression). Needs an adaptation to this finger",
+    ),
+    ("force", "Force Only", "Only the total force is matched: the paper's first method for comparison"),
+    ("geometry", "Geometry Only", "The disc is laid on the plane of contact: the paper's second method for comparison"),
 )
 
 PLATFORM = table(

@@ -18,10 +18,14 @@ STREAM = table(
             ("native", "Dermis Native", "With handshake, check sums, device time and a watchdog in the device"),
             ("maestro", "Pololu Maestro", "Compact protocol; the board has no watchdog unless you set one"),
             ("servo-animation", "Servo Animation", "Receivers of Blender Servo Animation; they have no watchdog"),
-            ("torque", "Torque Board", "Torques over UDP at 1 kHz, HapTip style; positions are closed here"),
+            ("torque", "Torque Board", "Torques over UDP at 1 kHz, as for HapTip; Dermis closes the position loop"),
             ("osc", "OSC", "Open Sound Control over UDP; receivers need a watchdog of their own"),
-            ("other", "Other", "An adapter of your own, which the port names: ?adapter=NAME"),
-            ("dynamixel", "Dynamixel", "Servos of the X and MX families, protocol 2.0; they stop in silence"),
+            ("other", "Other", "Your own adapter, named in the port: ?adapter=NAME"),
+            (
+                "dynamixel",
+                "Dynamixel",
+                "Servos of the X and MX families, protocol 2.0; they stop when no command arrives",
+            ),
             ("feetech", "Feetech", "Servos of the STS, SMS and SCS families; they have no watchdog"),
             (
                 "native-wifi",
@@ -63,7 +67,7 @@ STREAM = table(
         low=0.0,
         high=10.0,
         soft=(None, 1.0),
-        note="none by default: a finger on a touch screen is answered at once",
+        note="0 by default, so that the touch screen follows a finger at once",
     ),
     Parameter(
         name="rate",

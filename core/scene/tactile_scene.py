@@ -323,7 +323,7 @@ def validate(scene: TactileScene) -> None:
             remedy="Set the range in the Output properties",
         )
     if np.shape(scene.gravity) != (3,) or not np.isfinite(scene.gravity).all():
-        raise DermisError("gravity is no acceleration", where=where, value=scene.gravity, limit="3 finite numbers")
+        raise DermisError("gravity must be an acceleration", where=where, value=scene.gravity, limit="3 finite numbers")
     if not (np.isfinite(scene.rate) and scene.rate > 0):
         raise DermisError("the sampling rate must be positive", where=where, value=scene.rate, limit="> 0 Hz")
     groups: tuple[tuple[str, Any, Table], ...] = (

@@ -391,7 +391,7 @@ def shape_and_material(parameters: Mapping[str, Any], where: str = "skin") -> tu
         DermisError: a parameter is unknown, or a value is out of range.
     """
     if not isinstance(parameters, Mapping):
-        raise DermisError("the skin's parameters are no object", where=where, value=type(parameters).__name__)
+        raise DermisError("the skin's parameters are not a JSON object", where=where, value=type(parameters).__name__)
     own = "mesh" in parameters
     known = {**(OWN_MESH if own else LENGTHS), **TISSUE}
     for name, value in parameters.items():

@@ -161,7 +161,7 @@ def _check_sets(mesh: TetraMesh, where: str) -> None:
     lost = mesh.pad[skin <= 1e-9 * skin.max()]
     if len(lost):
         raise DermisError(
-            "the skin at a pad node faces both ways: what touches it could push nowhere",
+            "the skin at a pad node faces both ways: a contact force has no direction there",
             where=where,
             value=f"node {int(lost[0])}, {len(lost)} in all",
             remedy="Take it out of 'pad', or give the mesh a thickness there",

@@ -110,7 +110,7 @@ def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:
         for name, array in (("times", times), ("stimuli", stimuli)):
             if array.dtype.kind not in "buif":
                 raise DermisError(
-                    "the stimuli cannot be read: they are no numbers", where=f"{where}, {name}", value=str(array.dtype)
+                    "the stimuli cannot be read: they are not numbers", where=f"{where}, {name}", value=str(array.dtype)
                 )
         times, stimuli = times.astype(np.float64), stimuli.astype(np.float64)
     if times.ndim != 1 or stimuli.ndim != 2 or stimuli.shape != (len(times), channels) or len(times) == 0:

@@ -186,7 +186,7 @@ class SenderClient:
             if status["state"] == state:
                 return status
             if time.monotonic() > end:
-                raise DermisError(f"the sender did not come to '{state}'", value=str(status))
+                raise DermisError(f"the sender did not reach the state '{state}'", value=str(status))
             time.sleep(0.002)
 
     def __enter__(self) -> SenderClient:

@@ -83,9 +83,7 @@ class Connection:
         if not self.adapter.ready and now - self._opened > HANDSHAKE:
             remedies = self.adapter.unanswered, self.adapter.at_baud if self.link.baud is not None else ""
             raise DermisError(
-                f"nobody answered within {HANDSHAKE:g} s",
-                where=self.link.name,
-                remedy=". ".join(filter(None, remedies)),
+                f"no answer came within {HANDSHAKE:g} s", where=self.link.name, remedy=". ".join(filter(None, remedies))
             )
         return self.adapter.ready
 

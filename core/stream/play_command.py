@@ -95,7 +95,7 @@ class _Player(LocalStream):
         """Print the counters; return the exit status by the refusals.
 
         Raises:
-            DermisError: the safe state could not be made sure of.
+            DermisError: the safe state could not be confirmed.
         """
         text = ", ".join(f"{name} {count}" for name, count in self.streamer.counted().items())
         if self.signals.number:
@@ -103,7 +103,7 @@ class _Player(LocalStream):
         else:
             print("\n".join(filter(None, (text, self._not_rendered))))
         if self.unsure:
-            raise self.refusal("the safe state could not be made sure of")
+            raise self.refusal("the safe state could not be confirmed")
         return self._tell_refusals()
 
     def _tell_refusals(self) -> int:

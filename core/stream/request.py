@@ -121,6 +121,6 @@ def request_of(plain: Mapping[str, object]) -> StreamRequest:
         kind = type(getattr(request, name))
         fits = type(value) in (int, float) if kind is float else type(value) is kind
         if not fits:
-            raise DermisError("a field of a request is of another kind", where=name, value=value, limit=kind.__name__)
+            raise DermisError("a field of a request has the wrong type", where=name, value=value, limit=kind.__name__)
         setattr(request, name, value)
     return request

@@ -116,7 +116,7 @@ def reading_of_line(line: bytes, channels: int) -> Array:
     """
     text = line.decode("ascii").strip().rstrip(",; \t")
     if "_" in text:  # Python would ignore it, but 1_0 is not a sensor's 10
-        raise ValueError("a number is no plain decimal number")
+        raise ValueError("a value is not a plain decimal number")
     return _checked([float(part) for part in SEPARATOR.split(text)], channels)
 
 

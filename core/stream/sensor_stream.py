@@ -58,7 +58,7 @@ class SensorStream(LocalStream):
         wire = drive.output.wire
         missing = [name for name in wire.names if name not in self.channels]
         if missing:
-            raise DermisError("no command is made for this channel", where=wire.spec.name, value=missing)
+            raise DermisError("there is no command for this channel", where=wire.spec.name, value=missing)
         self._order = [self.channels.index(name) for name in wire.names]
         if drive.connection.adapter.caution:
             say(drive.connection.adapter.caution)
@@ -118,7 +118,7 @@ class SensorStream(LocalStream):
                 where=self.sensor.name,
                 value=f"no reading for {apart:.2g} s",
                 limit=f">= {1.0 / most:g} readings a second: without one for {most:g} s a stream ends",
-                remedy="Let it send more often, also where nothing has changed",
+                remedy="Let it send more often, also while nothing changes",
             )
 
     def drive_to(self, values: Array) -> None:

@@ -27,13 +27,13 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     """
     if options.touch == "-" and not options.yes:
         raise DermisError(
-            "standard input cannot both arm and tell touches",
+            "standard input cannot both arm the device and give touches",
             where="--touch -",
             remedy="Pass --yes, or take another source",
         )
     if options.touch == "device" and options.protocol not in TELL_TOUCHES:
         raise DermisError(
-            "this protocol tells no touches",
+            "this protocol reports no touches",
             where="--protocol",
             value=options.protocol,
             limit=", ".join(TELL_TOUCHES),
@@ -59,5 +59,5 @@ def run(options: argparse.Namespace, load_screen: Callable[[Path], Any]) -> int:
     with contextlib.suppress(OSError):  # the terminal may have been closed
         print(session.summary())
     if session.unsure:
-        raise session.refusal("0 V could not be made sure of")
+        raise session.refusal("0 V could not be confirmed")
     return int(not session.logged)

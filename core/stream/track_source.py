@@ -153,7 +153,7 @@ def equalised(wire: Wire, track: str, values: Array, rate: float) -> Array:
         where = f"{track}, {wire.names[k]}"
         if not rate:
             raise DermisError(
-                "a frequency response can be inverted for evenly spaced samples alone",
+                "a frequency response can only be inverted for evenly spaced samples",
                 where=where,
                 remedy="Resample the track: export it with --rate",
             )

@@ -99,11 +99,11 @@ class CurvedMesh:
                 Finding(
                     "info",
                     "curved-coarsely",
-                    "its curved surface would need more triangles than are allowed, and is felt in facets",
+                    "its curved surface would need more triangles than are allowed, so its flat faces are used",
                     where=where,
                     value=f"{1e6 * self.left * scale:.3g} um off",
                     limit=f"{1e6 * self.tolerance * scale:.3g} um, {self._most} triangles",
-                    remedy="Cut away what no finger reaches",
+                    remedy="Delete the parts that no finger reaches",
                 )
             )
         return tuple(found)
@@ -313,7 +313,7 @@ def _corner_normals(mesh: Mesh, normals: NDArray[np.floating] | None, where: str
     try:
         given = np.asarray(normals, np.float64)
     except (TypeError, ValueError) as error:  # text, or rows of differing length
-        raise DermisError("the normals are no numbers", where=where) from error
+        raise DermisError("the normals are not numbers", where=where) from error
     if given.shape == mesh.vertices.shape:
         given = given[mesh.triangles]
     if given.shape != (len(mesh.triangles), 3, 3) or not np.isfinite(given).all():

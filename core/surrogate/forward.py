@@ -69,7 +69,7 @@ class DirectModel:
             )
         if contact.law is not None and self.observer is None:
             raise DermisError(
-                "a matrix says nothing of skin that follows a law", where="direct model", remedy="Pass an Observer"
+                "a matrix cannot observe neo-Hookean skin", where="direct model", remedy="Pass an Observer"
             )
         self.device, self.contact = device, contact
         self.observation_matrix = np.ascontiguousarray(matrix, np.float64)

@@ -252,7 +252,7 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
         ) from error
     if isinstance(meta, dict) and meta.get("schema") in OLDER:
         raise DermisError(
-            "the surrogate is of an older form",
+            "the surrogate has an older format",
             where=where,
             value=meta["schema"],
             limit=SCHEMA,

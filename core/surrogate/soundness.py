@@ -67,7 +67,7 @@ def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
         raise DermisError("the surrogate's 'ridge_scale' has zeros", where=where, remedy=REMEDY)
     if (made.network.inputs, made.network.outputs) != (p, k):
         raise DermisError(
-            "the network and the descriptors have other sizes",
+            "the sizes of network and descriptors do not fit",
             where=where,
             value=f"{made.network.inputs} inputs, {made.network.outputs} outputs",
             limit=f"{p} and {k}",
@@ -100,11 +100,11 @@ def try_out(model: ForwardModel, poses: Iterable[Array], where: str) -> None:
             ) from error
         if value.shape != (model.size,) or slope.shape != (model.size, len(x)):
             raise DermisError(
-                "the surrogate answers in another shape",
+                "the surrogate's output has the wrong shape",
                 where=where,
                 value=f"{value.shape}, {slope.shape}",
                 limit=f"({model.size},), ({model.size}, {len(x)})",
                 remedy=REMEDY,
             )
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
-            raise DermisError("the surrogate's answers are not finite", where=where, remedy=REMEDY)
+            raise DermisError("the surrogate's output is not finite", where=where, remedy=REMEDY)

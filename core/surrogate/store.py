@@ -189,7 +189,7 @@ def load(path: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Su
         meta = dict(json_of(arrays["meta"].tobytes(), where))
     if meta.get("schema") in onnx.OLDER:
         raise DermisError(
-            "the surrogate is of an older form", where=where, value=meta["schema"], limit=SCHEMA, remedy=remedy
+            "the surrogate has an older format", where=where, value=meta["schema"], limit=SCHEMA, remedy=remedy
         )
     with damage_told("the surrogate cannot be read", where, remedy=remedy):
         spaces = {

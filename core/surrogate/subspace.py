@@ -71,7 +71,9 @@ def principal_components(samples: Array, *, tolerance: float = TOLERANCE, size: 
     if size is None:
         size = int(np.argmax(curve <= tolerance))
     if not 1 <= size <= len(vectors):
-        raise DermisError("not that many components", where="subspace", value=size, limit=f"1 to {len(vectors)}")
+        raise DermisError(
+            "the number of components is out of range", where="subspace", value=size, limit=f"1 to {len(vectors)}"
+        )
     basis = vectors[:size]
     # a component's sign is free: fix it, so that the same samples give the same numbers everywhere
     largest = np.take_along_axis(basis, np.abs(basis).argmax(axis=1)[:, None], axis=1)

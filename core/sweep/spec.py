@@ -103,7 +103,7 @@ def read(path: Path) -> Spec:
 
 def _vary(given: Any, where: str) -> dict[str, tuple[Value, ...]]:
     if not isinstance(given, dict) or not given:
-        raise DermisError("nothing varies", where=where, limit="a table [vary] with a list of values a key")
+        raise DermisError("nothing varies", where=where, limit="a table [vary] with a list of values per key")
     made = {}
     for key, values in given.items():
         listed = values if isinstance(values, list) else [values]

@@ -45,7 +45,7 @@ def dimensions(values: Mapping[str, Value], library: Library, where: str) -> dic
     if not changed:
         return None
     if "device" not in values:
-        raise DermisError("dimensions are of a device that is named", where=where, remedy='Give "device" a value')
+        raise DermisError("dimensions need a named device", where=where, remedy='Give "device" a value')
     key = str(values["device"])
     preset = library.load("devices", key)
     parameters = preset.get("parameters", {})

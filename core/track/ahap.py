@@ -77,7 +77,7 @@ def sharpness_findings(track: CommandTrack, vibration: Vibration) -> tuple[Findi
         Finding(
             "info",
             "frequency-limited",
-            "some frequencies are beyond those that the format can tell, and were set to its limits",
+            "some frequencies are outside the format's range, and were set to its limits",
             where=f"track of '{track.meta.get('finger', track.spec.key)}'",
             value=f"{hertz.min():.4g} to {hertz.max():.4g} Hz",
             limit=f"{SOFT:g} to {SHARP:g} Hz",

@@ -122,5 +122,5 @@ def loads(data: bytes, *, where: str = "track") -> CommandTrack:
 def _numbers(value: Any, count: int, where: str) -> np.ndarray:
     good = isinstance(value, list) and len(value) == count
     if not good or not all(type(v) in (int, float) and abs(v) < LARGEST for v in value):
-        raise DermisError("one finite number a channel is wanted", where=where, value=str(value)[:80])
+        raise DermisError("needs one finite number per channel", where=where, value=str(value)[:80])
     return np.array([float(v) for v in value])

@@ -135,7 +135,7 @@ def dumps(track: CommandTrack, name: str) -> str:
     grid = track.times[0] + np.arange(len(track.times)) / track.spec.rate
     if np.abs(grid - track.times).max() > 1e-7:
         raise DermisError(
-            "the samples are no regular grid",
+            "the samples are not evenly spaced",
             where=where,
             value=f"{track.spec.rate:g} Hz",
             limit="times within 0.1 us of the device's rate",
@@ -203,7 +203,7 @@ def _period(rate: float, samples: int, where: str) -> Fraction:
             break
     if found is None or abs(found - exact) > max(_DRIFT / (samples - 1), _PART * exact):
         raise DermisError(
-            "the rate has no period that a clock of microseconds keeps",
+            "a clock of microseconds cannot keep this rate",
             where=where,
             value=f"{rate:g} Hz",
             limit="0.12 to 1,000,000 Hz",
@@ -240,14 +240,14 @@ def _counts(values: NDArray[np.float64], track: CommandTrack, column: int) -> ND
     where = f"{track.spec.key}, {channel.name}"
     if channel.low is None or channel.high is None or not channel.high > channel.low:
         raise DermisError(
-            "the channel has no range that counts could stand for",
+            "the channel needs a range to be written as counts",
             where=where,
             remedy="Give it 'low' and 'high' in the device preset",
         )
     part = (values - channel.low) / (channel.high - channel.low)
     if (part < -1e-8).any() or (part > 1 + 1e-8).any():
         raise DermisError(
-            "a value outside the channel's range has no count",
+            "a value outside the channel's range cannot be a count",
             where=where,
             value=float(values[np.argmax(np.abs(part - 0.5))]),
             limit=f"{channel.low:g} to {channel.high:g}",

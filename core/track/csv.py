@@ -177,7 +177,7 @@ def _check_writable(track: CommandTrack) -> None:
             "a value is not a finite number",
             where=f"{where}, sample {row}, {track.channels[column].name}",
             value=track.values[row, column],
-            remedy="Limit the track first: it holds the last good value and counts",
+            remedy="Limit the track first: that replaces such values by the last finite one, and counts them",
         )
     if len(track.times) > 1:
         written = np.array([float(f"{t:.9g}") for t in track.times.tolist()])

@@ -93,7 +93,7 @@ def split(text: str, where: str) -> tuple[dict[str, tuple[str, int]], str, str]:
         if not colon or not KEY.fullmatch(key) or (value and not value.startswith(" ")):
             raise DermisError("not a header line", where=place, value=line[:80], limit="# key: value")
         if key in entries:
-            raise DermisError("a key stands twice", where=place, value=key)
+            raise DermisError("a key appears twice", where=place, value=key)
         entries[key] = (_unescaped(value.removeprefix(" "), place), number)
         number += 1
     heading, _, body = text[at:].partition("\n")
@@ -133,7 +133,7 @@ def spec_of(entries: Entries, heading: str, where: str) -> DeviceSpec:
         raise DermisError("unknown system of units", where=f"{where}, line {line}", value=units, limit=UNIT_SYSTEM)
     for key, (_, line) in entries.items():
         if key.partition(".")[0] in OWN_GROUPS and not key.partition(".")[2]:
-            raise DermisError("nothing is named", where=f"{where}, line {line}", value=key)
+            raise DermisError("a name is missing after the group", where=f"{where}, line {line}", value=key)
     kind, line = entries["kind"]
     check_kind(kind, f"{where}, line {line}")
     for key, (_, line) in entries.items():
@@ -174,7 +174,7 @@ def _channels(entries: Entries, heading: str, where: str) -> tuple[Channel, ...]
                 limit="name[unit] with an SI unit",
             )
         if match[1] in channels:
-            raise DermisError("a column stands twice", where=f"{place}, column {number}", value=match[1])
+            raise DermisError("a column appears twice", where=f"{place}, column {number}", value=match[1])
         if match[1] not in stated:
             raise DermisError(
                 f"'# channel.{match[1]}' is missing in the header",
@@ -229,7 +229,7 @@ def _from_json(text: str, where: str) -> Any:
     except DermisError as error:
         if error.code != "not-json":
             raise
-        raise DermisError("not a value", where=where, value=text[:80]) from error
+        raise DermisError("not a JSON value", where=where, value=text[:80]) from error
 
 
 def _number(value: Any, where: str) -> float:

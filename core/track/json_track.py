@@ -72,7 +72,7 @@ def loads(text: str, *, where: str = "track") -> CommandTrack:
     number, times = grid_of(header, where)
     columns, channels = header["values"], header["channels"]
     if not isinstance(columns, dict) or not isinstance(channels, list):
-        raise DermisError("the values are no columns by name", where=where)
+        raise DermisError("'values' must be an object with one list per column", where=where)
     names = [c.get("name") if isinstance(c, dict) else None for c in channels]
     wanted = [*(["t_s"] if times is None else []), *names]
     if list(columns) != wanted:

@@ -142,7 +142,7 @@ def track_of(header: Mapping[str, Any], times: Array, values: Array, where: str)
     meta = {_key(k, where): _text(v, f"{where}, meta {k}") for k, v in _mapping(header["meta"], where).items()}
     own = [k for k in meta if is_own(k)]
     if own:
-        raise DermisError("a key of the format's own in the meta data", where=where, value=own[0])
+        raise DermisError("'meta' has a key that the format itself uses", where=where, value=own[0])
     for key, value in meta.items():
         check_meta(key, value, f"{where}, meta")
     limited = {
@@ -186,13 +186,13 @@ def grid_of(header: Mapping[str, Any], where: str) -> tuple[int, Array | None]:
     first, rate = times["first"], times["rate"]
     good = isinstance(first, int) and not isinstance(first, bool) and abs(first) < 2**53
     if not good or not isinstance(rate, int | float) or isinstance(rate, bool) or not 0 < rate < 1e12:
-        raise DermisError("the times are no grid", where=f"{where}, times", value=str(dict(times))[:80])
+        raise DermisError("the times are not evenly spaced", where=f"{where}, times", value=str(dict(times))[:80])
     if number > MAX_SAMPLES:
         raise DermisError("more samples than a track can hold", where=where, value=number, limit=str(MAX_SAMPLES))
     with np.errstate(over="ignore"):
         grid = (first + np.arange(number)) / float(rate)
     if not np.isfinite(grid).all():
-        raise DermisError("the times are no grid", where=f"{where}, times", value=str(dict(times))[:80])
+        raise DermisError("the times are not evenly spaced", where=f"{where}, times", value=str(dict(times))[:80])
     return number, grid
 
 
@@ -207,7 +207,7 @@ def check_finite(track: CommandTrack) -> None:
         raise DermisError(
             "a time or a value is not a finite number",
             where=where,
-            remedy="Limit the track first: it holds the last good value and counts",
+            remedy="Limit the track first: that replaces such values by the last finite one, and counts them",
         )
     if (np.diff(track.times) <= 0).any():
         raise DermisError("times do not rise", where=where)
@@ -222,13 +222,13 @@ def _keys(found: Mapping[str, Any], wanted: tuple[str, ...], where: str) -> None
 
 def _mapping(value: Any, where: str) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise DermisError("an object is wanted", where=where, value=str(value)[:80])
+        raise DermisError("the value must be an object", where=where, value=str(value)[:80])
     return value
 
 
 def _text(value: Any, where: str) -> str:
     if not isinstance(value, str):
-        raise DermisError("a text is wanted", where=where, value=str(value)[:80])
+        raise DermisError("the value must be a text", where=where, value=str(value)[:80])
     return value
 
 

@@ -69,7 +69,7 @@ def vibration_of(track: CommandTrack) -> Vibration:
     kind = KINDS.get(track.spec.kind)
     if kind is None or not kind.wave:
         raise DermisError(
-            "no vibration drives this device",
+            "this format is for voice coils only",
             where=where,
             value=track.spec.kind,
             limit=", ".join(name for name, known in KINDS.items() if known.wave),
@@ -79,7 +79,7 @@ def vibration_of(track: CommandTrack) -> Vibration:
     rate, count = track.spec.rate, len(track.times)
     if count < 2 or np.abs(np.diff(track.times) * rate - 1.0).max() > 0.01:
         raise DermisError(
-            "the samples are no regular grid",
+            "the samples are not evenly spaced",
             where=where,
             value=f"{count} samples",
             limit=f"at least 2, at {rate:g} Hz",

@@ -47,7 +47,7 @@ CHAIN = {
     "full_scale": "the output's peak voltage for the largest sample: 1.414 times the RMS volts of a full-scale tone",
     "gain": "the voltage gain between output and device (1 without an amplifier)",
 }
-OPEN_LOOP = "open loop: the voltage follows the animated finger, and a real finger is not where that one is"
+OPEN_LOOP = "open loop: the voltage follows the animated finger, not the position of a real one"
 
 
 @dataclass(frozen=True)
@@ -200,7 +200,7 @@ def _driven(track: CommandTrack, where: str) -> Kind:
     kind = KINDS.get(track.spec.kind)
     if kind is None or not (kind.sine or kind.wave):
         raise DermisError(
-            "no waveform drives this device, so it has no WAV file",
+            "this device is not driven by a waveform, so it has no WAV file",
             where=where,
             value=track.spec.kind,
             limit=", ".join(name for name, known in KINDS.items() if known.sine or known.wave),
@@ -225,7 +225,7 @@ def _check_grid(track: CommandTrack, up: float, where: str) -> None:
     if off.max() > 1e-6:
         first = int(np.argmax(off > 1e-6))
         raise DermisError(
-            "the samples are no regular grid",
+            "the samples are not evenly spaced",
             where=f"{where}, at {track.times[first]:.6g} s",
             value=f"{track.spec.rate:g} Hz",
             limit="times within 1 us of the device's rate",
@@ -233,7 +233,7 @@ def _check_grid(track: CommandTrack, up: float, where: str) -> None:
         )
     if len(track.times) * up > MAX_SAMPLES:
         raise DermisError(
-            "more samples than a WAV file of ours holds",
+            "more samples than Dermis writes to a WAV file",
             where=where,
             value=f"{len(track.times) * up:.4g}",
             limit=str(MAX_SAMPLES),
@@ -254,7 +254,7 @@ def _range(channel: Channel, track: CommandTrack) -> tuple[float, float]:
 def _limit(channel: Channel, place: str) -> float:
     if channel.high is None or not channel.high > 0:
         raise DermisError(
-            "the channel has no limit that full scale could stand for",
+            "full scale is 0, and the channel states no limit to use instead",
             where=place,
             value=channel.high,
             limit="> 0 V",
@@ -287,7 +287,7 @@ def _phase(track: CommandTrack, channel: Channel, fixed: float, up: Any, rate: i
     found = upsampled(track.column(channel.name), up, low, high)
     if found.max() >= 0.45 * rate or found.min() < 0:
         raise DermisError(
-            "a carrier that the file's rate cannot hold",
+            "the carrier is too high for the file's rate",
             where=place,
             value=f"{found[np.argmax(np.abs(found))]:g} Hz",
             limit=f"0 to {0.45 * rate:g} Hz",

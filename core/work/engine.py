@@ -56,7 +56,7 @@ def check_same(theirs: Mapping[str, str], where: str) -> None:
     other = [name for name in SAME if theirs.get(name) != ours[name]]
     if other:
         raise DermisError(
-            "another engine than this one: results would differ",
+            "a worker runs a different engine: results would differ",
             where=where,
             value=", ".join(f"{name} {theirs.get(name, 'unknown')}" for name in other),
             limit=", ".join(f"{name} {ours[name]}" for name in other),

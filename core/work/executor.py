@@ -112,7 +112,7 @@ class JobExecutor(Executor):
 
     def __init__(self, workers: int = 1, *, table: Table = JOBS) -> None:
         if workers < 1:
-            raise DermisError("jobs need somebody to do them", where="workers", value=workers, limit=">= 1")
+            raise DermisError("jobs need at least one worker", where="workers", value=workers, limit=">= 1")
         self.workers = workers
         self.table = table
 

@@ -146,7 +146,7 @@ def test_a_recording_longer_than_a_scene_or_its_rest_is_refused(tmp_path):
     before = bpy.context.scene.frame_end
     with pytest.raises(RuntimeError, match=r"longer than a scene can be .*2,052,001'; allowed: 1,048,574"):
         bpy.ops.dermis.import_sensor(filepath=str(day), table=str(table))
-    with pytest.raises(RuntimeError, match="the rest goes on after the recording .*allowed: .* 0 to 1.5 s"):
+    with pytest.raises(RuntimeError, match="the rest lasts longer than the recording .*allowed: .* 0 to 1.5 s"):
         bpy.ops.dermis.import_sensor(filepath=str(felt), table=str(table), rest=99.0)
     assert bpy.context.scene.frame_end == before and store.current(bpy.context.scene) is None
 

@@ -512,7 +512,7 @@ def test_no_data_of_a_height_map_is_asked_about(tmp_path, number):
     heights, unit, findings = relief()
     assert "no-data-likely" not in findings and np.isclose(heights * unit, number * 1e-3).sum() == 60
     obj.dermis.screen.no_data = "-9999 mm"
-    with pytest.raises(DermisError, match="No Data: .*not a number that stands for 'no data'"):
+    with pytest.raises(DermisError, match="No Data: .*not a number that can mean 'no data'"):
         scene_sweep.sample()
 
 

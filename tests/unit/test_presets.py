@@ -98,7 +98,7 @@ def test_a_users_folder_need_not_exist(built_in: Path, tmp_path: Path) -> None:
     [
         ("{", r"bad\.json, line 1, column 2: not JSON"),
         ("[1]", r"a preset is one JSON object \(found 'list'\)"),
-        ('{"schema": "dermis-material 1", "schema": "x"}', r"a key stands twice in one object \(found 'schema'\)"),
+        ('{"schema": "dermis-material 1", "schema": "x"}', r"a key appears twice in one object \(found 'schema'\)"),
         ('{"a": NaN}', r"not a finite number \(found 'NaN'\)"),
         ("[" * 100_000, "nested too deeply|not JSON"),
         ({}, r"unknown schema \(allowed: dermis-material 1\)"),
@@ -108,8 +108,11 @@ def test_a_users_folder_need_not_exist(built_in: Path, tmp_path: Path) -> None:
         ({**MATERIAL, "parameters": 5}, "'parameters' is missing or not an object"),
         ({**MATERIAL, "parameters": {"frictoin": 1}}, r"'bad': unknown .*'frictoin'; allowed: friction,"),
         ({**MATERIAL, "parameters": {"mass": 1}}, r"mass: a unit .* \(found '1'; .* converts to kg\)"),
-        ({**MATERIAL, "parameters": {"friction": [1, 2]}}, "friction: another kind of value .*allowed: one number"),
-        ({**MATERIAL, "parameters": {"texture_on": 1}}, r"another kind of value \(found 1; allowed: true or false\)"),
+        ({**MATERIAL, "parameters": {"friction": [1, 2]}}, "friction: a value of the wrong kind .*allowed: one number"),
+        (
+            {**MATERIAL, "parameters": {"texture_on": 1}},
+            r"a value of the wrong kind \(found 1; allowed: true or false\)",
+        ),
         ({**MATERIAL, "parameters": {"held_mode": 1}}, "unknown held mode .*allowed: auto, keyed, never"),
     ],
 )

@@ -252,7 +252,7 @@ BOMBS: list[tuple[Callable[[Path], None], str, str]] = [
     (nested_inline_sweep, "spec.read", "nested too deeply"),
     (wide_sweep, "spec.read", "too large"),
     (hexadecimal_sweep, "spec.read", "not a number that can be used"),
-    (twice_preset, "presets.read", "a key stands twice"),
+    (twice_preset, "presets.read", "a key appears twice"),
     (headed_csv, "export.read", "is missing in the header"),
     (broad_csv, "export.read", "the number of rows"),
     (big_npz, "SkinTable.load", "missing"),
@@ -268,7 +268,7 @@ def test_a_bomb_is_refused_before_it_grows(
 ) -> None:
     make(tmp_path / "bomb")
     said, seconds, megabytes = tried(reader, tmp_path / "bomb")
-    without = ("missing", "cut short", "schema", "a key stands twice", "is missing in the header")
+    without = ("missing", "cut short", "schema", "a key appears twice", "is missing in the header")
     assert words in said and "allowed" in said + " allowed" * (words in without)
     assert megabytes < MAX_MEGABYTES, said
     assert seconds < MAX_SECONDS or os.getloadavg()[0] > (os.cpu_count() or 1), said

@@ -337,7 +337,7 @@ class PointSolver(PathSolver):
         if self._tree.finest < OFTEN:
             self.notes.warn(
                 "too-fine",
-                "contact has more edges than points may follow: it is solved on coarser ones",
+                "contact has too many edges for the finest points: it is solved on coarser ones",
                 where,
                 value=f"{len(self.cells)} points",
                 limit=f"<= {MANY}",

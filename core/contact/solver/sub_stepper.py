@@ -150,7 +150,7 @@ class SubStepper:
         if parts > MAX_PARTS:
             self.solver.notes.warn(
                 "too-fast",
-                "contact moves so much in a frame that its way is walked in coarser steps",
+                "contact moves too far in one frame: it is solved in coarser steps",
                 self._number,
                 value=f"{parts} steps",
                 limit=f"<= {MAX_PARTS}",
@@ -244,7 +244,7 @@ class SubStepper:
             else:
                 self.solver.notes.warn(
                     "starts-inside",
-                    "the finger starts inside an object, and how it came there is not known",
+                    "the finger starts inside an object, and its path into it is not known",
                     self._number,
                     remedy="Begin where the finger is outside",
                 )

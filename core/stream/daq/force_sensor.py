@@ -97,7 +97,7 @@ class ForceSensor:
         numbers = [found["range"], *(value for row in rows if isinstance(row, list) for value in row)]
         if len(widths) != 1 or not 0 < min(widths) <= MOST or not all(map(_is_number, numbers)) or found["range"] <= 0:
             raise DermisError(
-                "the matrix is no rows of as many numbers, or a number is none that a sensor has",
+                "the rows of the matrix differ in length, or a number is out of range",
                 where=f"{where}, matrix and range",
                 limit="finite numbers, range above 0",
             )

@@ -63,7 +63,9 @@ class Daq:
 
     def __init__(self, package: Any, output: str, inputs: str, rate: float, volts: float, sensed: float = 10.0) -> None:
         if not 0.0 < volts <= HIGHEST:
-            raise DermisError("no output of these devices gives that", where=output, value=f"{volts:g} V", limit="10 V")
+            raise DermisError(
+                "the voltage is out of the range of these devices", where=output, value=f"{volts:g} V", limit="10 V"
+            )
         self.output, self.rate = output, rate
         self._package, self._inputs = package, inputs
         self._out = self._in = None
@@ -74,7 +76,7 @@ class Daq:
             self._out = package.Task()
             self._out.ao_channels.add_ao_voltage_chan(output, min_val=-volts, max_val=volts)
             if len(self._out.ao_channels) != 1:
-                raise self._refused("one output is wanted", f"{len(self._out.ao_channels)} are named")
+                raise self._refused("exactly one output must be named", f"{len(self._out.ao_channels)} are named")
             self._timed(self._out, "")
             self._out.out_stream.output_buf_size = AHEAD * self._chunk
             self._out.out_stream.regen_mode = constants.RegenerationMode.DONT_ALLOW_REGENERATION
@@ -84,14 +86,14 @@ class Daq:
                 self._timed(self._in, f"/{device}/ao/SampleClock")
         except package.errors.DaqError as error:
             self.close()
-            raise self._refused("the NI device does not take this", str(error)) from error
+            raise self._refused("the NI device refused these settings", str(error)) from error
         except package.errors.Error as error:
             self.close()
             raise DermisError(
                 "the driver of NI devices, NI-DAQmx, is not installed, or there is none for this system",
                 where=f"NI device, {output}",
                 value=str(error).splitlines()[0][:200],
-                remedy="Install NI-DAQmx from ni.com: the Python package 'nidaqmx' alone drives nothing",
+                remedy="Install NI-DAQmx from ni.com: the Python package 'nidaqmx' alone is not enough",
             ) from error
         except DermisError:
             self.close()
@@ -164,7 +166,7 @@ class Daq:
         task.timing.cfg_samp_clk_timing(self.rate, source=source, sample_mode=mode, samps_per_chan=AHEAD * self._chunk)
         made = float(task.timing.samp_clk_rate)
         if abs(made / self.rate - 1.0) > STEADY:
-            raise self._refused("the NI device's clock does not make this rate", f"{made:g} Hz")
+            raise self._refused("the NI device's clock cannot run at this rate", f"{made:g} Hz")
 
     def _put(self, volts: Array) -> None:
         assert self._out is not None

@@ -77,7 +77,7 @@ def run(options: argparse.Namespace, package: Any, signals: Signals) -> int:
                 try:
                     if not signals.line():
                         raise DermisError(
-                            "nobody has confirmed it", where=options.output, remedy="Press Enter, or give --yes"
+                            "the start was not confirmed", where=options.output, remedy="Press Enter, or give --yes"
                         )
                 except Interrupted:
                     return 128 + signals.number

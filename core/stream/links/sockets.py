@@ -147,7 +147,7 @@ def cannot_connect(place: str, error: OSError) -> DermisError:
     """Return the error of a socket that could not be connected, with its remedy."""
     said = error.strerror or str(error)
     if isinstance(error, socket.gaierror):
-        return DermisError("no computer of this name is known", where=place, value=said, remedy="Check the address")
+        return DermisError("unknown name of a computer", where=place, value=said, remedy="Check the address")
     number = errno.ETIMEDOUT if isinstance(error, TimeoutError) else error.errno
     for numbers, (what, remedy) in _REFUSED.items():
         if number in numbers:

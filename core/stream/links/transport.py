@@ -143,7 +143,7 @@ def cannot_open(place: str, error: Exception) -> DermisError:
         )
     if number == 13:
         return DermisError(
-            "you may not open the port",
+            "no permission to open the port",
             where=place,
             value=text,
             remedy="On Linux add yourself to the group 'dialout', then log in again",

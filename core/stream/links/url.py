@@ -33,7 +33,7 @@ class Url:
         try:
             self.options = dict(parse_qsl(query, strict_parsing=bool(query)))
         except ValueError as error:
-            raise DermisError("the options are no NAME=VALUE pairs", where=self.text, value=query) from error
+            raise DermisError("the options are not NAME=VALUE pairs", where=self.text, value=query) from error
         scheme, colon, place = head.partition(":")
         known = ("serial", "socket", "udp", "loop", "spy", "virtual")
         if colon and scheme in known:

@@ -114,7 +114,7 @@ def loads(data: bytes, *, where: str = "log") -> LogFile:
         raise DermisError("the header of the log is damaged or cut short", where=where, remedy="Copy the file again")
     plain = json_of(data[12 : 12 + size], f"{where}, header")
     if not isinstance(plain, dict):
-        raise DermisError("the header of the log is no object", where=where)
+        raise DermisError("the header of the log is not a JSON object", where=where)
     header = header_of(plain, f"{where}, header")
     layout = file_rows(len(header.channels), len(header.sensed))
     parts, end = [], None

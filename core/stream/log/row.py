@@ -169,12 +169,12 @@ def header_of(plain: Mapping[str, Any], where: str) -> LogHeader:
         raise DermisError("a channel or a measured quantity is not a name and a unit", where=where)
     for name in ("zero", "gain"):
         if not isinstance(given[name], list) or len(given[name]) != len(channels) or not _numbers(given[name]):
-            raise DermisError("one number a channel is wanted", where=f"{where}, {name}")
+            raise DermisError("one number per channel is needed", where=f"{where}, {name}")
     texts = ("log", "started", "device", "name", "preset", "protocol", "url", "program")
     if not _texts(given[name] for name in texts) or not _numbers(given[n] for n in ("started_unix", "clock", "rate")):
-        raise DermisError("a field of the header is of another kind", where=where)
+        raise DermisError("a field of the header has the wrong type", where=where)
     if type(given["file"]) is not int or type(given["removed"]) is not int:
-        raise DermisError("a field of the header is of another kind", where=where)
+        raise DermisError("a field of the header has the wrong type", where=where)
     numbers = {name: tuple(map(float, given[name])) for name in ("zero", "gain")}
     lists = {name: tuple(Channel(c["name"], c["unit"]) for c in given[name]) for name in ("channels", "sensed")}
     return LogHeader(**{**given, **numbers, **lists})

@@ -244,7 +244,7 @@ class Adapter:
             number = math.nan
         if not math.isfinite(number):
             raise DermisError(
-                "an option is no number",
+                "an option is not a number",
                 where=f"protocol '{self.name}', {name}",
                 value=self.options.get(name, default),
                 limit="a finite number",
@@ -261,7 +261,7 @@ class Adapter:
         number = int(text) if text.strip().isdecimal() else -1
         if not least <= number <= most:
             raise DermisError(
-                "an option is no whole number within its limits",
+                "an option is not a whole number within its limits",
                 where=f"protocol '{self.name}', {name}",
                 value=text,
                 limit=f"{least} to {most}",

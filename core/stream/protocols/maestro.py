@@ -74,7 +74,7 @@ class Maestro(Adapter):
         self.low, self.high = (4 * self.number(f"pulse_{n}_us", d) for n, d in (("low", 1000), ("high", 2000)))
         if not 4 * 64 <= self.low < self.high <= HIGHEST:
             raise DermisError(
-                "impossible pulses",
+                "pulse widths out of range",
                 where=self.title,
                 value=f"{self.low / 4:g} to {self.high / 4:g} us",
                 limit="64 to 4080 us, low below high",

@@ -249,11 +249,11 @@ def _responses(calibration: Calibration, channels: list[Channel], lower: Array, 
         none = curve.span[0] <= 0.0 <= curve.span[1] and curve.play == 0.0 and curve.between(0.0) == 0.0
         if channel.unit not in POSES and not none:
             raise DermisError(
-                "a measured curve would drive something where nothing is wanted",
+                "a measured curve would give an output for a command at rest",
                 where=f"calibration of '{calibration.device}', {channel.name}",
                 value=f"{curve.between(0.0):.4g} {channel.unit} at 0, play {curve.play:.4g}",
-                limit="the point 0, 0, and the same on both ways: no force and no voltage stays none",
-                remedy="Take the readings from zero, and give the curve one way",
+                limit="0 at a command of 0, without play",
+                remedy="Start the readings at zero, and give the curve in one direction",
             )
     return Responses(curves, lower.copy(), upper.copy())
 
@@ -271,7 +271,7 @@ def _check_worn(spec: DeviceSpec, reach: Reach) -> None:
     free = [c.name for c in spec.channels if spec.worn and c.actuator and c.slew is None]
     if free and reach == Reach.RAMP:
         raise DermisError(
-            "the way to the safe pose is a ramp, and a channel states no speed for it",
+            "the safe pose is reached by a ramp, but a channel states no speed for it",
             where=f"device preset '{spec.key}'",
             value=", ".join(free[:6]),
             remedy="Give it 'slew', or let 'safe' be reached 'at_once'",

@@ -155,7 +155,7 @@ class PortAudioCard:
                 while not done() and not failed and not over.is_set():
                     time.sleep(POLL)
         except self._sound.PortAudioError as error:
-            raise self._refused("the sound card is gone, or somebody else has it", str(error)) from error
+            raise self._refused("the sound card is gone, or another program uses it", str(error)) from error
         if failed:
             raise failed[0]
         if not done():

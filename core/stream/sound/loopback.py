@@ -75,7 +75,7 @@ def measure(card: Card) -> MeasuredCard:
     where = f"sound card '{card.name}'"
     if np.abs(heard).max(initial=0.0) < HEARD * LEVEL:
         raise DermisError(
-            "nothing came in of what went out",
+            "the input received nothing of the output",
             where=where,
             value=f"{np.abs(heard).max(initial=0.0):.2g}",
             limit=f">= {HEARD * LEVEL:g}",
@@ -86,7 +86,7 @@ def measure(card: Card) -> MeasuredCard:
     drift = float(np.polyfit(sent, late, 1)[0])
     if abs(drift) > DRIFT:
         raise DermisError(
-            "what comes in has another rate than what went out",
+            "input and output run at different rates",
             where=where,
             value=f"{1e6 * drift:+.0f} ppm",
             limit=f"{1e6 * DRIFT:.0f} ppm",
@@ -98,7 +98,7 @@ def measure(card: Card) -> MeasuredCard:
         gains[hertz], left = _gain(heard, start + delay, hertz, LEVEL, rate)
         if left > TORN:
             raise DermisError(
-                "what came in is not the tone that went out: it is torn, full of noise or distorted",
+                "the received tone differs from the sent one: it has gaps, noise or distortion",
                 where=f"{where}, {hertz:g} Hz",
                 value=f"{left:.1%} of it are something else",
                 limit=f"{TORN:.0%}",

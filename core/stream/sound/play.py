@@ -78,7 +78,7 @@ def samples_of(track: CommandTrack, settings: dict[str, object], card: MeasuredC
     where = f"sound card '{name}'"
     if (card.name, card.rate) != (name, wave.rate):
         raise DermisError(
-            "another card or rate than was measured",
+            "card or rate differ from the measured ones",
             where=where,
             value=f"{card.name} at {card.rate} Hz was measured",
             limit=f"{name} at {wave.rate} Hz",

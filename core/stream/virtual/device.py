@@ -76,7 +76,7 @@ def options_of(url: Url) -> dict[str, float]:
     """Remove the options of the simulated device from a URL, and return them.
 
     Raises:
-        DermisError: an option is no number, or outside its limits.
+        DermisError: an option is not a number, or outside its limits.
     """
     out = {}
     for name in faults_module.NAMES:

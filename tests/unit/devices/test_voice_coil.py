@@ -88,7 +88,7 @@ def test_a_displacement_that_stays_needs_no_voltage_and_none_gives_none() -> Non
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"response_gain": [1.0, 2.0]}, "voice_coil', gain curve: frequencies and gains are not equally many"),
+        ({"response_gain": [1.0, 2.0]}, "voice_coil', gain curve: the numbers of frequencies and gains differ"),
         ({"response_frequency": [50.0, 2500.0], "response_gain": [1.0, 1.0]}, "beyond a quarter of the device's rate"),
         ({"response_frequency": [60.0, 50.0], "response_gain": [1.0, 1.0]}, "must rise from point to point"),
         ({"response_frequency": [-1.0, 50.0], "response_gain": [1.0, 1.0]}, "'response_frequency' must be above zero"),

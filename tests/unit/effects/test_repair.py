@@ -225,7 +225,7 @@ def test_floats_with_a_unit_are_lengths_and_without_one_have_none(tmp_path):
 def test_measures_without_a_unit_are_asked_for_one(tmp_path):
     np.save(tmp_path / "map.npy", (waves() * 3000).astype(np.int32))
     with pytest.raises(
-        DermisError, match=r"their unit is not stated \(found '.* of 2147483647'\). Say what one stands for"
+        DermisError, match=r"their unit is not stated \(found '.* of 2147483647'\). State the unit of the numbers"
     ) as caught:
         read(tmp_path / "map.npy")
     assert caught.value.code == "no-unit" and "unit=1e-3" in caught.value.remedy
@@ -415,7 +415,7 @@ def test_few_zeros_of_a_depth_camera_are_asked_about_too(tmp_path):
 )  # fmt: skip
 def test_words_on_no_data(text, value):
     assert no_data_of(text, "here") == value
-    with pytest.raises(DermisError, match="here: not a number that stands for 'no data'"):
+    with pytest.raises(DermisError, match="here: not a number that can mean 'no data'"):
         no_data_of("far away", "here")
 
 

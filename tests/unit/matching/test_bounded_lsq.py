@@ -143,7 +143,7 @@ def test_no_variables():
         (np.eye(3), np.ones(3), [0, 0], 1, r"lower bounds do not fit.*\(2,\).*\(3,\)"),
         (np.eye(3), np.ones(3), 0, np.ones((3, 1)), r"upper bounds do not fit.*\(3, 1\).*\(3,\)"),
         (np.eye(3), np.ones(3), 0, [1.0], r"upper bounds do not fit.*\(1,\).*\(3,\)"),
-        (np.eye(2), np.ones(2), 0, [1, [2, 3]], "upper bounds are no numbers"),
+        (np.eye(2), np.ones(2), 0, [1, [2, 3]], "upper bounds are not numbers"),
     ],
 )
 def test_bad_input_is_refused(gram, c, low, high, words):

@@ -104,7 +104,7 @@ def test_names_decide_columns_units_and_order(write, name):
 
 
 def test_two_hands_in_one_file_are_not_mixed(write):
-    with pytest.raises(DermisError, match="two columns are the same number .*left_pos_x, right_pos_x"):
+    with pytest.raises(DermisError, match="two columns have the same meaning .*left_pos_x, right_pos_x"):
         recorded_poses.read(write("t,left_pos_x,left_pos_y,left_pos_z,right_pos_x\n0,0,0,0,0\n1,0,0,0,0\n"))
     columns = "time, -, -, -, x_m"
     with pytest.raises(DermisError, match="do not say where x, y and z are"):
@@ -168,7 +168,7 @@ REFUSED = {
     "a gap": ("t,x,y,z\n0,1,2,3\n1,a,2,3\n", "line 3, column 2 'x': a value is missing"),
     "no time": ("t,x,y,z\n0,1,2,3\n,1,2,3\n", "line 3, column 1 't': a time is missing"),
     "feet": ("t,x [ft],y [ft],z [ft]\n0,1,2,3\n1,1,2,3\n", "unit is none of this column's.*'ft'; allowed: m, cm"),
-    "twice": ("t,x,y,z,pos_x\n0,1,2,3,4\n1,1,2,3,4\n", "two columns are the same number"),
+    "twice": ("t,x,y,z,pos_x\n0,1,2,3,4\n1,1,2,3,4\n", "two columns have the same meaning"),
     "one row": ("t,x,y,z\n0,1,2,3\n", "a single row"),
 }
 

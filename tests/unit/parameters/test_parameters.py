@@ -104,16 +104,16 @@ REFUSED: list[tuple[Parameter, Any, str]] = [
     (
         FINGER["touch_distance"],
         "1",
-        r"F, touch_distance: another kind of value \(found '1'; allowed: one number in m\)",
+        r"F, touch_distance: a value of the wrong kind \(found '1'; allowed: one number in m\)",
     ),
     (FINGER["touch_distance"], math.nan, r"'touch_distance' must be a finite number .*0 to 1000 mm"),
     (FINGER["pattern"], "waltz", r"F, pattern: unknown pattern \(found 'waltz'; allowed: none, orientation, "),
-    (FINGER["pattern_play"], "on", r"another kind of value \(found 'on'; allowed: true or false\)"),
-    (FINGER["pattern_play"], 2, "another kind of value"),
+    (FINGER["pattern_play"], "on", r"a value of the wrong kind \(found 'on'; allowed: true or false\)"),
+    (FINGER["pattern_play"], 2, "a value of the wrong kind"),
     (TISSUE["young"], 1e10, r"'young' is too large \(found '1e\+07 kPa'; allowed: <= 1e\+06 kPa\)"),
     (TISSUE["young"], 0.0, r"'young' is too small \(found '0 kPa'; allowed: >= 0.001 kPa\)"),
     (DEVICE["table_rows"], 100.5, r"'table_rows' must be a whole number \(found 100.5; allowed: 8 to 2e\+06\)"),
-    (DEVICE["carrier"], True, "another kind of value"),
+    (DEVICE["carrier"], True, "a value of the wrong kind"),
 ]
 
 
@@ -151,7 +151,7 @@ def test_a_scene_is_held_to_the_same_ranges() -> None:
         ("materials", {"texture_period_x": {"value": 0, "unit": "mm"}}, r"found '0 mm'; allowed: 0.001 to 1e\+06 mm"),
         ("skins", {"width": {"value": 3, "unit": "m"}}, r"'width' is too large .*'3000 mm'; allowed: 0.05 to 2000 mm"),
         ("skins", {"colour": "pink"}, "unknown parameter .*'colour'; allowed: width, thickness"),
-        ("skins", {"young": {"value": 1, "unit": "mm"}}, "a unit of another kind .*converts to Pa"),
+        ("skins", {"young": {"value": 1, "unit": "mm"}}, "a unit of the wrong kind .*converts to Pa"),
     ],
 )
 def test_presets_are_held_to_the_same_ranges(group: str, parameters: dict[str, Any], words: str) -> None:

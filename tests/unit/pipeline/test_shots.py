@@ -211,7 +211,7 @@ def test_the_verb_renders_many_and_says_of_each_what_became_of_it(
     ("words", "why"),
     [
         (["--workers", "-1"], "--workers: too small"),
-        (["--tls-ca", "a"], "keys are of a scheduler"),
+        (["--tls-ca", "a"], "keys can only be used with a scheduler"),
         (["--scheduler", "tcp://127.0.0.1:9", "--workers", "2"], "workers of its own"),
         (["--scheduler", "tls://127.0.0.1:9", "--tls-ca", "a"], "three files"),
         (["--scheduler", "tls://127.0.0.1:9"], "TLS needs both"),

@@ -79,8 +79,8 @@ BROKEN = Mesh(np.eye(3), np.array([[0, 1, 3]], dtype=np.int32))
         ({"frame_range": (9, 1)}, r"found '9 to 1'"),
         ({"rate": 0.0}, r"sampling rate must be positive \(found 0.0; allowed: > 0 Hz\)"),
         ({"rate": float("nan")}, "found nan"),
-        ({"gravity": (0.0, 0.0, float("nan"))}, r"gravity is no acceleration .*3 finite numbers"),
-        ({"gravity": (0.0, -9.81)}, "gravity is no acceleration"),
+        ({"gravity": (0.0, 0.0, float("nan"))}, r"gravity must be an acceleration .*3 finite numbers"),
+        ({"gravity": (0.0, -9.81)}, "gravity must be an acceleration"),
         ({"fingers": (Finger("F"), Finger("F"))}, r"two fingers have the same name \(found 'F'\). Rename one"),
         ({"bodies": (Body("B", TRIANGLE),) * 2}, "two objects have the same name"),
         (

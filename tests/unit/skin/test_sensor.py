@@ -134,7 +134,7 @@ def test_names_and_separators_are_those_of_all_recordings(tmp_path, text):
 
 def test_times_must_be_named_where_there_are_names(tmp_path):
     (tmp_path / "a.csv").write_text("a,b,c\n0,1,2\n1,2,3\n")
-    with pytest.raises(DermisError, match="no column is the time by its name"):
+    with pytest.raises(DermisError, match="no column has the name of a time"):
         read_stimuli(tmp_path / "a.csv", 2)
 
 

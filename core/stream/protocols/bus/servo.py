@@ -99,7 +99,7 @@ def ids_of(text: str, count: int, where: str) -> tuple[int, ...]:
     ids = tuple(int(part) for part in parts if part.strip().isdecimal())
     if len(ids) != len(parts) or len(ids) != count or len(set(ids)) != count or max(ids) > HIGHEST_ID:
         raise DermisError(
-            "the ids are not one for each channel",
+            "there must be one id for each channel",
             where=where,
             value=text,
             limit=f"{count} different numbers from 0 to {HIGHEST_ID}, as in ids=1,2",

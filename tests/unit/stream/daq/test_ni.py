@@ -125,7 +125,7 @@ def test_a_device_that_refuses_the_last_zero_volts_is_named(tmp_path: Path) -> N
     ("more", "words"),
     [
         ({"output": "Dev2/ao0"}, r"Dev2/ao0 at 48000 Hz.*\(found '[^;]*does not exist[^;]*'\)"),
-        ({"output": "Dev1/ao0:1"}, "one output is wanted"),
+        ({"output": "Dev1/ao0:1"}, "exactly one output must be named"),
         ({"wav_rate": 192_000}, "192000"),
         ({"wav_rate": 96_000}, "does not make this rate.*95000"),
         ({"wav_gain": None}, "voltage at the device is not known.*found 'no --wav-gain'"),

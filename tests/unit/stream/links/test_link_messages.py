@@ -349,7 +349,7 @@ def nobody(protocol: str, baud: int | None, *, datagrams: bool = False) -> str:
 
 def test_a_baud_rate_is_named_only_where_there_is_one() -> None:
     on_a_line = nobody("native", 500_000)
-    assert "nobody answered within 3 s. Check address, protocol and power" in on_a_line
+    assert "no answer came within 3 s. Check address, protocol and power" in on_a_line
     for name in ("DERMIS_WIFI", "DERMIS_SERVO_ANIMATION", "DERMIS_BAUD", "?baud=115200"):
         assert name in on_a_line
     in_datagrams = nobody("native", None, datagrams=True)

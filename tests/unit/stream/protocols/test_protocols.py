@@ -280,7 +280,7 @@ def test_osc_against_python_osc() -> None:
         ("maestro", {"first": "1.9"}, "no whole number"),
         ("maestro", {"first": "24"}, "'24'; allowed: 0 to 20"),
         ("maestro", {"first": "-1"}, "allowed: 0 to 20"),
-        ("maestro", {"pulse_low_us": "2000"}, "impossible pulses"),
+        ("maestro", {"pulse_low_us": "2000"}, "pulse widths out of range"),
         ("servo-animation", {"first": "252.5"}, "'252.5'; allowed: 0 to 252"),
         ("servo-animation", {"first": "253"}, "'253'; allowed: 0 to 252"),
         ("servo-animation", {"position_high": "40000"}, "position_high: .* '40000'; allowed: 0 to 32767"),

@@ -1,8 +1,9 @@
-"""Dermis' engine: tactile contact of fingertips in animated scenes, and commands for haptic devices.
+"""Dermis' engine: touch in animated scenes, and haptic device commands.
 
-Installed with pip it is called `dermis`; in the source tree the same folder is called `core`.
+It computes the tactile contact of fingertips with objects, and the commands with which devices reproduce it. Installed
+with pip it is called `dermis`; in the source tree the same folder is called `core`.
 
-One touch, without a scene: a fingertip of soft tissue, pressed by a ball, and the pins that feel like it.
+One touch, without a scene: a ball presses a fingertip of soft tissue, and a pin array reproduces the touch.
 
 >>> import dermis
 >>> skin = dermis.fingertip(level="draft")
@@ -23,7 +24,7 @@ From a sampled scene to files for the devices, and from a file back to commands:
         print(finding)
 
 Everything is in SI (m, N, Pa, s, rad). A finger's frame has its origin at the pad's centre, +Y towards the tip and +Z
-towards the nail. Names load when they are first used: importing this package imports nothing heavier than numpy.
+towards the nail. Each public name is imported when it is first used; importing the package alone loads no library.
 """
 
 import sys
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
     from .track.csv import write as write_csv
     from .work.processes import ProcessExecutor
 
-# name -> module, and the name there; the comments are the groups of API.md, in its order
+# Public name -> module, and name in this module. The comments below are the groups of API.md, in the same order.
 _PUBLIC: dict[str, tuple[str, str]] = {
     # one touch: press a fingertip and match a device
     "fingertip": ("experiment", "fingertip"),
@@ -164,8 +165,8 @@ def __dir__() -> list[str]:
     return [*__all__, "__version__"]
 
 
-# An editable install and its source tree are one folder under two names. Loaded twice, nothing of one would fit the
-# other: its errors would not be caught, its types not be known.
+# An editable install and its source tree are one folder under two names. If both names were imported, each class would
+# exist twice: `except` and `isinstance` with a class of one name would not recognise objects of the other name.
 _other = {"core": "dermis", "dermis": "core"}.get(__name__, "")
 if "TactileScene" in getattr(sys.modules.get(_other), "__all__", ()):
     raise ImportError(f"Dermis is loaded as '{_other}' already: import it under one name only")

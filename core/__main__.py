@@ -1,4 +1,7 @@
-"""The command line, `python -m core VERB`: calls the function of a verb, and turns exceptions into an exit status."""
+"""The command line, `python -m core VERB`.
+
+It calls the function of the verb, and turns exceptions into an exit status.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from .command_line.verbs import parser, renamed
 from .errors import DermisError
 from .files import check_folder, check_writable
 
-# Packages of the extension that another Python may lack: module -> the name to install it by.
+# Libraries that the extension contains and another Python may lack: module -> name of the package that pip installs.
 LIBRARIES = {
     "scipy": "scipy",
     "threadpoolctl": "threadpoolctl",
@@ -28,15 +31,21 @@ LIBRARIES = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line; return the exit status: 0, 1 for findings of severity error, 2 for a refusal."""
+    """Run the command line and return the exit status.
+
+    The status is 0 for success, 1 if a finding has the severity error, 2 if the verb was refused, and 130 after Ctrl-C.
+
+    Args:
+        arguments: arguments of the command line; None for those of this process.
+    """
     options = parser(f"python -m {__package__}").parse_args(renamed(sys.argv[1:] if arguments is None else arguments))
-    for stream in (sys.stdout, sys.stderr):  # a name may hold letters that the terminal lacks
+    for stream in (sys.stdout, sys.stderr):  # names may have characters that the terminal cannot show
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     try:
-        if getattr(options, "presets", None) is not None:  # of whatever verb
+        if getattr(options, "presets", None) is not None:  # many verbs have this option
             check_folder(options.presets)
-        for name, is_folder in options.writes.items():  # judged before any work is done for it
+        for name, is_folder in options.writes.items():  # checked before the work begins
             if getattr(options, name) is not None:
                 check_writable(getattr(options, name), folder=is_folder)
         module, _, function = options.run.rpartition(".")

@@ -1,4 +1,7 @@
-"""What arrays of numbers are called in annotations, and their hash; shapes and units stand in docstrings."""
+"""Types of arrays for annotations, and a hash of arrays.
+
+The types state no shapes and units; docstrings do.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,7 @@ Indices32 = NDArray[np.int32]
 
 
 def feed(sha: Any, *arrays: NDArray[Any]) -> None:
-    """Add whole arrays with their types and shapes to a hash."""
+    """Add arrays, with their types and shapes, to a hash object of `hashlib`."""
     for array in arrays:
         sha.update(f"{array.dtype.str}{array.shape}".encode())
         sha.update(np.ascontiguousarray(array).data)

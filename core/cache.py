@@ -1,4 +1,7 @@
-"""A folder of results that can be computed again: content-addressed, size-capped, safe to delete at any time."""
+"""Cache: a folder of limited size for results that can be computed again.
+
+Each result has a key that is a hash of its inputs. The folder may be deleted at any time.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from .errors import DermisError
 from .files import atomic
 
 _KEY = re.compile(r"[0-9a-f]{16,128}")
-_ABANDONED = 24 * 3600.0  # an unfinished file older than this belongs to nobody [s]
+_ABANDONED = 24 * 3600.0  # [s] age of an unfinished file at which no running program can still be writing it
 _TAG = b"Signature: 8a477f597d28d172789f06886806bc55\n# Dermis keeps results here that it can compute again.\n"
 
 
@@ -34,15 +37,17 @@ def cache_key(*parts: str | bytes) -> str:
 
 
 class Cache:
-    """A folder of files by key, with a size limit.
+    """Folder of files by key, with a limit on their total size.
 
-    Over the limit, the least recently used files are deleted first.
-
-    Several processes may share the folder. A file may vanish at any time; its reader computes it again.
+    If the files exceed the limit, the least recently used ones are deleted first. Several processes may share the
+    folder. Another process may delete a file at any time; a reader that misses a file computes it again.
 
     Args:
-        folder: made when the first file is put.
-        limit_bytes: size to keep to after every put; the newest file stays even if it is larger.
+        folder: path of the folder, which is made when the first file is stored.
+        limit_bytes: largest total size after each `put` [bytes]. The file just stored is kept even if it is larger.
+
+    Raises:
+        DermisError: the limit is negative.
     """
 
     def __init__(self, folder: Path | str, limit_bytes: int) -> None:
@@ -56,7 +61,15 @@ class Cache:
         return f"Cache({self.folder}, at most {self.limit_bytes / 1e6:g} MB)"
 
     def get(self, key: str, *, use: bool = True) -> Path | None:
-        """Return the file of a key, or None; it counts as used now, unless one only looks."""
+        """Return the path of a key's file, or None if there is none.
+
+        Args:
+            key: key of the file, see `cache_key`.
+            use: True to mark the file as used now; False to leave its time of last use.
+
+        Raises:
+            DermisError: not a cache key.
+        """
         path = self._path(key)
         if not use:
             return path if path.is_file() else None
@@ -69,15 +82,19 @@ class Cache:
         return path
 
     def put(self, key: str, writer: Callable[[Path], None]) -> Path:
-        """Store the output of `writer`, which is given a path to write to, in one atomic step; return the stored path.
+        """Store a file atomically, and return its path.
+
+        Args:
+            key: key of the file, see `cache_key`.
+            writer: function that writes the file to the path that it receives.
 
         Raises:
-            DermisError: the folder cannot be written.
+            DermisError: not a cache key, or the folder cannot be written.
         """
         path = self._path(key)
         with atomic(path) as part:
             writer(part)
-        tag = self.folder / "CACHEDIR.TAG"  # tells backup programs to leave it out
+        tag = self.folder / "CACHEDIR.TAG"  # makes backup programs skip the folder
         if not tag.exists():
             with contextlib.suppress(OSError):
                 tag.write_bytes(_TAG)
@@ -85,11 +102,11 @@ class Cache:
         return path
 
     def size(self) -> int:
-        """Return how many bytes all files have."""
+        """Return the total size of all files [bytes]."""
         return sum(size for _, _, size in self._files())
 
     def clear(self) -> int:
-        """Delete all files; return how many went."""
+        """Delete all files; return the number of deleted files."""
         return sum(self._remove(path) for _, path, _ in self._files())
 
     def _path(self, key: str) -> Path:
@@ -98,7 +115,11 @@ class Cache:
         return self.folder / key[:2] / key
 
     def _files(self) -> list[tuple[float, Path, int]]:
-        """Return time of last use, path and size of all files, the oldest first."""
+        """Return all files, the least recently used one first.
+
+        Each item has the time of last use [s], the path and the size [bytes]. Unfinished files older than `_ABANDONED`
+        are deleted.
+        """
         found = []
         for path in self.folder.glob("[0-9a-f][0-9a-f]/*"):
             try:

@@ -1,7 +1,8 @@
-"""The clock of a stream: seconds from an arbitrary start, which go on while the computer is suspended.
+"""The clock of streams, which also counts while the computer is suspended.
 
-Python's own monotonic clocks stand still during a suspension on Linux and macOS, so a sender that reads them cannot
-tell that its device was left alone meanwhile. Processes of one computer read the same clock.
+It gives seconds since an arbitrary start, the same in all processes of a computer. On Linux and macOS, Python's own
+monotonic clocks stop during a suspension. With them, a sender would not notice that its device received no commands
+meanwhile.
 """
 
 from __future__ import annotations
@@ -13,12 +14,15 @@ from collections.abc import Callable
 
 
 def _system_clock() -> Callable[[], float]:
-    """Return this system's clock that counts suspension; the performance counter where there is none."""
+    """Return the system's clock that also counts during suspension [s].
+
+    Systems other than Linux, macOS and Windows have none; then the result is the performance counter.
+    """
     if sys.platform == "linux":
         boot = time.CLOCK_BOOTTIME
         return lambda: time.clock_gettime(boot)
     if sys.platform == "darwin":
-        monotonic = time.CLOCK_MONOTONIC  # on macOS it goes on during sleep, mach_absolute_time does not
+        monotonic = time.CLOCK_MONOTONIC  # on macOS this clock counts during sleep, unlike mach_absolute_time
         return lambda: time.clock_gettime(monotonic)
     if sys.platform == "win32":
         return _interrupt_time()
@@ -26,7 +30,10 @@ def _system_clock() -> Callable[[], float]:
 
 
 def _interrupt_time() -> Callable[[], float]:
-    """Return Windows' interrupt time, which counts sleep and hibernation, in units of 100 ns."""
+    """Return Windows' clock of the interrupt time [s].
+
+    It also counts during sleep and hibernation.
+    """
     read = ctypes.WinDLL("kernelbase").QueryInterruptTimePrecise  # type: ignore[attr-defined]
     read.argtypes, read.restype = [ctypes.POINTER(ctypes.c_ulonglong)], None
     ticks = ctypes.c_ulonglong()
@@ -34,7 +41,7 @@ def _interrupt_time() -> Callable[[], float]:
 
     def now() -> float:
         read(pointer)
-        return ticks.value * 1e-7
+        return ticks.value * 1e-7  # Windows counts units of 100 ns
 
     return now
 

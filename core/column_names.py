@@ -1,4 +1,7 @@
-"""Names of columns in files of poses and recordings: the quantity of each column, its owner and its unit."""
+"""Meaning of columns' names in files of poses and recordings.
+
+A name gives the quantity of its column, and often the unit.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,11 @@ from math import radians
 
 from .errors import DermisError
 
-TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s]
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}  # [m]
-ANGLES = {"rad": 1.0, "deg": radians(1.0)}  # [rad]
-LONGEST = 80  # letters of a name that is looked at
+TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}  # [s] size of each unit of time
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}  # [m] size of each unit of length
+ANGLES = {"rad": 1.0, "deg": radians(1.0)}  # [rad] size of each unit of angle
+LONGEST = 80  # [characters] longest name in which a unit is looked for
+# Other spellings of units, in lower case, and the unit of each.
 _SPELLED = {
     "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "millisecond": "ms", "milliseconds": "ms",
     "usec": "us", "microsecond": "us", "microseconds": "us", "\u00b5s": "us", "\u03bcs": "us", "nsec": "ns",
@@ -21,6 +25,8 @@ _SPELLED = {
     "\u03bcm": "um", "micrometers": "um", "micrometres": "um", "radian": "rad", "radians": "rad", "degree": "deg",
     "degrees": "deg", "\u00b0": "deg",
 }  # fmt: skip
+# Words that make a column the time, the frame, a position, Euler angles, a rotation vector or a quaternion; in lower
+# case, without other characters than letters and digits.
 _OF_TIME = {"time", "t", "times", "timestamp", "timestamps", "elapsed", "elapsedtime", "timesec"}
 _OF_FRAMES = {"frame", "frames", "framenumber", "frameno"}
 _PLACE = {"", "p", "pos", "position", "loc", "location", "translation", "trans"}
@@ -44,10 +50,10 @@ class Column:
     """Meaning of a column's name.
 
     Attributes:
-        name: as the file writes it.
-        meaning: 'time', 'frame'; 'x', 'y', 'z'; 'rx', 'ry', 'rz' (Euler angles); 'vx', 'vy', 'vz' (a rotation vector);
-            'qw', 'qx', 'qy', 'qz' (a quaternion); '' where the name says none of these.
-        unit: SI units of one, None where the name has no unit.
+        name: the name in the file.
+        meaning: 'time'; 'frame'; 'x', 'y', 'z' (a position); 'rx', 'ry', 'rz' (Euler angles); 'vx', 'vy', 'vz' (a
+            rotation vector); 'qw', 'qx', 'qy', 'qz' (a quaternion); '' for any other name.
+        unit: size of the column's unit in SI, such as 1e-3 for mm; None if the name has no unit.
     """
 
     name: str
@@ -56,13 +62,17 @@ class Column:
 
 
 def columns_of(names: Sequence[str], where: str) -> tuple[Column, ...]:
-    """Return what names say, in their order.
+    """Return the meanings of columns' names, in the same order.
 
-    A quaternion may be written as `rotation_x` to `rotation_w`, and as `w, x, y, z` or `x, y, z, w` behind a place's
-    `x, y, z`. Beside forces `fx, fy, fz`, `tx, ty, tz` are torques.
+    The names of a quaternion may be `rotation_x` to `rotation_w`. After the `x, y, z` of a position, they may also be
+    `w, x, y, z` or `x, y, z, w`. If a file has forces `fx, fy, fz`, then `tx, ty, tz` are torques, whose meaning is ''.
+
+    Args:
+        names: the names.
+        where: name of the file, for the message.
 
     Raises:
-        DermisError: a unit in brackets that is none of a column's, or two columns for one number.
+        DermisError: a unit in brackets does not fit the quantity of its column, or two columns have the same meaning.
     """
     bare = [re.sub(r"[^a-z0-9]", "", _unit(name)[0].lower()) for name in names]
     torques = _TORQUES if any(set(forces) <= set(bare) for forces in _FORCES) else ()
@@ -87,7 +97,7 @@ def time_column(columns: Sequence[Column], where: str) -> int:
     """Return the index of the column of times.
 
     Raises:
-        DermisError: there is none.
+        DermisError: no column has the meaning 'time'.
     """
     for index, column in enumerate(columns):
         if column.meaning == "time":
@@ -102,13 +112,16 @@ def time_column(columns: Sequence[Column], where: str) -> int:
 
 
 def length_or_angle(name: str) -> float:
-    """Return SI units of one in a column whose name has a unit of length or angle; 1 where it has none."""
+    """Return the size in SI of the unit of length or angle in a name.
+
+    The size is 1 if the name has no such unit.
+    """
     unit = _unit(name)[1]
     return {**LENGTHS, **ANGLES}.get(unit, 1.0)
 
 
 def dimension(name: str) -> str:
-    """Return 'm' or 'rad' for a column whose name has a unit of length or angle, '' where it has none."""
+    """Return 'm' for a name with a unit of length, 'rad' for angle, else ''."""
     unit = _unit(name)[1]
     return "m" if unit in LENGTHS else "rad" if unit in ANGLES else ""
 
@@ -117,7 +130,7 @@ def _column(name: str, where: str) -> Column:
     base, unit, bracketed = _unit(name)
     meaning = _meaning(base)
     if not meaning:
-        base, unit, bracketed = name, "", False  # the last word was no unit
+        base, unit, bracketed = name, "", False  # the last word is not a unit but a part of the name
         meaning = _meaning(base)
     if not meaning or not unit:
         return Column(name, meaning)
@@ -137,7 +150,10 @@ def _column(name: str, where: str) -> Column:
 
 
 def _unit(name: str) -> tuple[str, str, bool]:
-    """Return a name without its unit, the unit or '', and whether it stood in brackets."""
+    """Return a name without its unit, the unit, and if it was in brackets.
+
+    The unit is '' if the name has none.
+    """
     text = name.strip().strip("\"'").strip().lstrip("#").strip()
     if len(text) > LONGEST:
         return text, "", False
@@ -157,8 +173,11 @@ def _unit(name: str) -> tuple[str, str, bool]:
 
 
 def _meaning(name: str) -> str:
-    """Return the meaning of a name without its unit, see `Column.meaning`; a prefix may stand before it."""
-    if re.fullmatch(r"[pq](_[A-Z][A-Za-z]*)+_[wxyz]", name):  # 'p_RS_R_x': with the names of two frames
+    """Return the meaning of a name without its unit, see `Column.meaning`.
+
+    A prefix is ignored, such as 'left_hand' in 'left_hand.position.x'.
+    """
+    if re.fullmatch(r"[pq](_[A-Z][A-Za-z]*)+_[wxyz]", name):  # 'p_RS_R_x', with the names of two coordinate systems
         return _meaning_of(name[0] + name[-1])
     parts = re.split(r"[\s_.:/-]+", name)
     short = _meaning_of(name)
@@ -191,7 +210,11 @@ def _meaning_of(name: str) -> str:
 
 
 def _short_quaternion(found: list[Column]) -> None:
-    """Name the four columns 'w, x, y, z' or 'x, y, z, w' behind a place's 'x, y, z'."""
+    """Set the meanings of four columns that are a quaternion with short names.
+
+    The four are 'w, x, y, z' or 'x, y, z, w' after the 'x, y, z' of a position. If there are none, any column 'w'
+    becomes 'qw'.
+    """
     meanings = [column.meaning for column in found]
     for i in range(3, len(found) - 3):
         four = meanings[i : i + 4]

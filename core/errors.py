@@ -1,4 +1,4 @@
-"""Errors and findings: the problem, its place, value, limit and remedy."""
+"""Errors and findings: a problem with its place, value, limit and remedy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 Severity = Literal["info", "warning", "error"]
 SEVERITIES: tuple[Severity, ...] = ("info", "warning", "error")
-REFUSED = "refused"  # the code of an error that nobody has to tell from others
+REFUSED = "refused"  # code of an error that programs need not distinguish from others
 
 
 class DermisError(ValueError):
@@ -17,11 +17,11 @@ class DermisError(ValueError):
 
     Args:
         what: the problem, as a short sentence without a full stop.
-        where: the object, file, field or frame that it concerns.
+        where: the object, file, field or frame that the problem concerns.
         value: the value found.
         limit: the values that would be accepted.
         remedy: a way to solve the problem.
-        code: a stable word to tell refusals apart by, such as 'no-finger': programs compare codes, never messages.
+        code: stable word for the kind of error, such as 'no-finger'. Programs compare codes, never messages.
 
     >>> from dermis import DermisError
     >>> print(DermisError("a length must be above zero", where="radius", value=-1.0, limit="> 0 m"))
@@ -35,19 +35,29 @@ class DermisError(ValueError):
         self.code = code
         super().__init__(sentence(what, where, value, limit, remedy))
 
-    def __reduce__(self) -> tuple[Any, ...]:  # else the whole sentence would be pickled as the problem
+    def __reduce__(self) -> tuple[Any, ...]:  # by default, the whole message would become `what`
         return partial(type(self), **self._parts()), ()
 
     def changed(self, **parts: Any) -> DermisError:
-        """Return the same refusal with some parts replaced, such as `where` by the caller's name for it."""
+        """Return the same error with some parts replaced.
+
+        For example, a caller replaces `where` by a name that its user knows.
+        """
         return DermisError(**{**self._parts(), **parts})
 
     def as_finding(self, severity: Severity = "error", **parts: Any) -> Finding:
-        """Return the refusal as a finding, for work that goes on without the refused item."""
+        """Return the error as a finding.
+
+        This is for work that continues without the refused item.
+
+        Args:
+            severity: severity of the finding.
+            parts: further attributes of the finding, and replacements of parts of the error.
+        """
         return Finding(**{"severity": severity, **self._parts(), **parts})
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the refusal as plain JSON values."""
+        """Return the parts of the error by name, as plain JSON values."""
         plain = self.value if isinstance(self.value, str | int | float | bool | None) else str(self.value)
         return {**self._parts(), "value": plain}
 
@@ -57,14 +67,14 @@ class DermisError(ValueError):
 
 @dataclass(frozen=True)
 class Finding:
-    """One observation about a scene or a track that does not stop the work.
+    """Observation about a scene or a track that does not stop the work.
 
     Attributes:
         severity: 'info', 'warning' or 'error'.
-        code: a stable word to filter by, such as 'out-of-range'.
+        code: stable word for the kind of finding, such as 'out-of-range'.
         what, where, value, limit, remedy: as in `DermisError`.
-        frame: the first scene frame it concerns, if any.
-        count: how many samples it concerns.
+        frame: first frame of the scene that the finding concerns; None if it does not depend on frames.
+        count: number of samples, triangles or other items that the finding concerns.
     """
 
     severity: Severity
@@ -87,12 +97,12 @@ class Finding:
         return f"{self.severity}: {text}"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the finding as plain JSON values."""
+        """Return the attributes of the finding by name."""
         return asdict(self)
 
 
 def worst(findings: Iterable[Finding]) -> Severity | None:
-    """Return the highest severity present, or None where there are no findings.
+    """Return the highest severity of findings, or None without findings.
 
     >>> from dermis import Finding, worst
     >>> worst([Finding("info", "a", "seen"), Finding("warning", "b", "doubtful")])
@@ -103,7 +113,7 @@ def worst(findings: Iterable[Finding]) -> Severity | None:
 
 
 def sentence(what: str, where: str, value: Any, limit: str, remedy: str) -> str:
-    """Join the parts of a message into one readable line."""
+    """Join the parts of an error or a finding into a message of one line."""
     text = f"{where}: {what}" if where else what
     details = []
     if value is not None:

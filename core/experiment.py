@@ -1,4 +1,4 @@
-"""A fingertip, a touch and a device without a scene: the interface for scripts and notebooks.
+"""Fingertip, touch and device without a scene, for scripts and notebooks.
 
 Frame: origin at the pad's centre, +Y towards the tip, +Z towards the nail. Everything in SI.
 """
@@ -28,23 +28,24 @@ from .skin.stimulus import Stimulus, von_mises
 from .surface.gap import Surface
 from .track.command_track import CommandTrack
 
-DEEPEST = 5e-3  # of a press: beyond it linear skin says nothing [m]
-FAR = 0.1  # from the finger's axes that a surface may be [m]
+DEEPEST = 5e-3  # [m] largest depth of a press; the results of linear skin are meaningless beyond it
+FAR = 0.1  # [m] largest position and slide of a surface along X or Y, in the finger's axes
 METRES = "Lengths are in metres: a millimetre is 1e-3"
 
 
 @dataclass(frozen=True, eq=False)
 class Touch(Stimulus):
-    """The state of a skin under a pressed object.
+    """State of a skin into which a surface is pressed.
 
-    It is a `Stimulus`, with the press that led to it.
+    It is a `Stimulus` with data of the press.
 
     Attributes:
-        depth: depth of the undeformed pad in the surface [m].
+        depth: movement of the surface into the pad, from first contact with the undeformed skin [m].
         place: final position of the surface's origin in the finger's axes [m], shape (3,).
-        residual: residual of the contact laws, relative to the forces.
-        iterations: number of iterations at the last pose.
-        findings: warnings: a depth beyond the validity of linear skin, a contact that did not converge.
+        residual: residual of Coulomb's law at the final position, relative to the forces, see `Solution.residual`.
+        iterations: number of iterations of the contact solver at the final position.
+        findings: warnings about the surface and its contact, such as a depth at which the skin is not valid, or a
+            contact that did not converge.
     """
 
     depth: float = 0.0
@@ -60,7 +61,7 @@ class Touch(Stimulus):
 
     @cached_property
     def normal_force(self) -> float:
-        """Force into the pad, along the pad's own normals [N]."""
+        """Sum of the normal forces on the pad nodes, into the skin [N]."""
         return float(self.summary()["normal_force"])
 
     def __repr__(self) -> str:
@@ -73,11 +74,13 @@ class Match:
     """Commands of a device for a touch, with their error.
 
     Attributes:
-        device: the preset. method: that matched.
-        values: values of all channels of the device, in each channel's unit, shape (channels,). A thimble's include its
-            pose.
-        error: of the compared quantity: root mean square displacement [m] for DM, force [N] for FM, relative
-            descriptor mismatch [1] for the thimble. optimality: KKT residual of the solution.
+        device: specification of the device.
+        method: the matching method.
+        values: values of all channels of the device, in each channel's unit, shape (channels,). The channels of a
+            thimble include its pose.
+        error: error of the quantity that the method compares: root mean square displacement [m] for DM methods, root
+            mean square force [N] for FM methods, relative mismatch [1] for a thimble.
+        optimality: relative KKT residual of the solution; 0 for the methods that clamp.
         rendered: state of the skin under the device.
     """
 
@@ -90,20 +93,21 @@ class Match:
 
     @property
     def commands(self) -> dict[str, float]:
-        """What every actuator does, by channel, in the channel's unit."""
+        """Commands of the actuators by channel name, in each channel's unit."""
         named = zip(self.device.channels, self.values.tolist(), strict=True)
         return {channel.name: value for channel, value in named if channel.actuator}
 
     def track(self, duration: float = 1.0) -> CommandTrack:
-        """Return a track that holds the commands, at the device's rate: `write_csv` makes a file of it to play.
+        """Return a track of these constant commands, at the device's rate.
 
-        It begins with them: `within_limits(start_at_rest=True)` leads there from where the device rests.
+        `write_csv` writes the track to a file for playback. The commands begin at once. To move there from the device's
+        rest within its speed limits, apply `within_limits(start_at_rest=True)` to the track.
 
         Args:
-            duration: [s].
+            duration: duration of the track [s].
 
         Raises:
-            DermisError: a duration that is not above zero, or of more samples than a track can hold.
+            DermisError: the duration is not above zero, or needs more samples than a track can hold.
         """
         values, meta = np.tile(self.values, (2, 1)), {"method": self.method}
         return CommandTrack(self.device, np.array([0.0, duration]), values, meta).resampled(self.device.rate)
@@ -124,15 +128,20 @@ def fingertip(
     cache: Cache | None = None,
     **lengths: float,
 ) -> SkinModel:
-    """Return a fingertip's skin.
+    """Return the skin of a fingertip.
 
     Args:
         preset: key of a preset of `presets/skins`.
-        level: fineness of the mesh, 'draft', 'standard', 'fine' or 'reference'.
-        young: modulus [Pa]. poisson: ratio. alpha: a person's stiffness relative to it.
-        tissue: 'linear', or 'neo_hookean', which stiffens.
-        cache: where tables of other lengths than the presets' lie, and skins are kept.
-        lengths: others than the preset's [m], by its names: width, thickness, length, bone_bed ...
+        level: resolution of the mesh: 'draft', 'standard', 'fine' or 'reference'.
+        young: Young's modulus [Pa]; None takes the preset's.
+        poisson: Poisson's ratio; None takes the preset's.
+        alpha: stiffness of a person's skin relative to `young`; None takes the preset's.
+        tissue: 'linear', or 'neo_hookean' for tissue that stiffens under load.
+        presets: library of presets; None for the built-in ones.
+        cache: folder in which computed skins are stored. For lengths that no preset has, contact on points also needs
+            the table of the smooth skin from this folder; without that table, contact is solved at the mesh's nodes.
+        lengths: lengths that replace those of the preset [m], by the preset's names: width, thickness, length,
+            bone_bed ...
 
     >>> import dermis
     >>> dermis.fingertip(level="draft")
@@ -141,7 +150,7 @@ def fingertip(
     SkinModel(fingertip, 468 nodes, 78 on the pad, E 80 kPa)
 
     Raises:
-        DermisError: no such preset, level, tissue or length, or a shape that cannot be meshed.
+        DermisError: the preset, level, tissue or length is unknown, or the shape cannot be meshed.
     """
     parameters = (presets or Library()).skin(preset)
     unknown = sorted(set(lengths) - set(parameters) | set(lengths) & set(TISSUE))
@@ -165,18 +174,23 @@ def press(
     turn: NDArray[np.floating] | None = None,
     contact: str = CONTACT,
 ) -> Touch:
-    """Press a surface into the pad, drag it along, and return the touch.
+    """Press a surface into the pad, slide it, and return the touch.
 
-    The surface rises along +Z from first contact with the smooth skin to its depth, by the steps of a bake that is
-    sampled every 0.1 mm, since friction remembers the way.
+    The surface rises along +Z from first contact to its depth, then slides. It moves in steps of at most 0.1 mm,
+    because friction depends on the path. A bake takes the same steps if its samples are 0.1 mm apart.
 
     Args:
-        surface: in the finger's axes; where it stands along Z does not matter. depth: beyond first contact [m].
-        friction: Coulomb's coefficient. slide: movement across the pad afterwards, X and Y [m].
-        at: where the surface's origin is across the pad, X and Y [m]. turn: rotation of the surface, shape (3, 3).
-        contact: at the 'nodes' of the skin's mesh, or on 'points' of the smooth skin, as fine as the touch.
+        skin: model of the skin.
+        surface: the surface, in the finger's axes. Its position along Z does not matter.
+        depth: rise beyond first contact [m].
+        friction: Coulomb's coefficient of friction.
+        slide: movement along X and Y after the rise [m], shape (2,).
+        at: X and Y of the surface's origin at first contact [m], shape (2,).
+        turn: rotation of the surface, shape (3, 3); None for no rotation.
+        contact: 'nodes' to solve contact at the nodes of the skin's mesh, or 'points' to solve it at points of the
+            smooth skin, which adapt to the size of the touch.
 
-    A plate that slid is held back by no more than friction allows:
+    The tangential force of a plate that slid is no more than friction allows:
 
     >>> import dermis
     >>> plate = dermis.Surface.block(0.1, 0.1)
@@ -188,8 +202,7 @@ def press(
     ((1560, 6), (78,))
 
     Raises:
-        DermisError: a depth out of range, friction below zero, a rotation that is none, or a surface that does not
-            meet the pad.
+        DermisError: a number is out of range, `turn` is no rotation, or the surface does not meet the pad.
     """
     _check_kind("skin", skin, SkinModel)
     _check_kind("surface", surface, Surface)
@@ -214,7 +227,7 @@ def press(
 
 
 def _unfelt(touch: SingleTouch, depth: float) -> Finding:
-    """Return that nothing is felt though the surface is in the skin."""
+    """Return the finding that a surface in the skin exerts no force on it."""
     where = "the points" if touch.pad is not None else "the nodes"
     what = f"the surface is not touched: it lies between {where} that contact is solved at, or went through the skin"
     remedy = "Solve its contact on points of the smooth skin, or press less deep"
@@ -228,13 +241,16 @@ def match(
     *,
     presets: Library | None = None,
 ) -> Match:
-    """Return the commands with which a device comes nearest to a touch.
+    """Return the commands with which a device reproduces a touch.
 
-    They are within the device's limits.
+    The commands are within the limits of the device.
 
     Args:
-        device: preset of a pin array or a thimble. method: DM0 to FM2 for pins ('DM2'); 'stress', 'force' or
-            'geometry' for thimbles ('stress').
+        touch: state of the skin to reproduce.
+        device: preset key or specification of a pin array or a thimble.
+        method: matching method. Pin arrays: 'DM0', 'DM1', 'DM2', 'FM0', 'FM1' or 'FM2'; None for 'DM2'. Thimbles:
+            'stress', 'force' or 'geometry'; None for 'stress'.
+        presets: library of presets; None for the built-in ones.
 
     >>> import dermis
     >>> touch = dermis.press(dermis.fingertip(level="draft"), dermis.Surface.sphere(5e-3), 1e-3)
@@ -245,14 +261,14 @@ def match(
     >>> worse.error > pins.error
     True
 
-    Held for a second, as the file that a device plays is made of (`write_csv`):
+    A track that holds the commands for a second; `write_csv` writes it to a file:
 
     >>> pins.track(1.0)
     CommandTrack(pin_array_128, 128 channels, 241 samples, 1 s at 240 Hz)
 
     Raises:
-        DermisError: no such device or method, or a kind whose commands depend on time or on tables: those are
-            rendered from a scene (`run`).
+        DermisError: the device or the method is unknown, or the device is neither a pin array nor a thimble. Commands
+            of other devices depend on time or on tables; `run` renders them from a scene.
     """
     _check_kind("touch", touch, Stimulus)
     spec = (presets or Library()).device(device) if isinstance(device, str) else device
@@ -292,7 +308,7 @@ def _match_thimble(touch: Stimulus, spec: DeviceSpec, method: str | None) -> Mat
     from .matching.thimble import match_touch
     from .matching.thimble_use import prepare
 
-    skin = touch.skin if touch.points is not None else touch.skin.on_nodes  # as the touch was solved
+    skin = touch.skin if touch.points is not None else touch.skin.on_nodes  # contact is solved as for the touch
     use = prepare(spec, skin, {"thimble_method": method or "stress"}, f"match, {spec.key}")
     if use.findings:
         raise DermisError(
@@ -322,7 +338,19 @@ def _check_kind(name: str, value: object, kind: type) -> None:
 def _numbers(
     name: str, value: object, shape: tuple[int, ...], low: float, high: float, limit: str, remedy: str = ""
 ) -> Array:
-    """Return real numbers of a shape and range; a yes or no is none."""
+    """Return a value as real numbers of the given shape and range.
+
+    Args:
+        name: name of the value, for the message.
+        value: the value.
+        shape: required shape.
+        low, high: smallest and largest number allowed.
+        limit: the allowed values, for the message.
+        remedy: a way to solve the problem, for the message.
+
+    Raises:
+        DermisError: the value has another shape, numbers out of range, or booleans.
+    """
     numbers = np.asarray(value)
     if numbers.shape != shape or numbers.dtype.kind not in "iuf" or not ((numbers >= low) & (numbers <= high)).all():
         what = "real numbers in range are wanted" if shape else "a real number in range is wanted"

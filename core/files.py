@@ -1,4 +1,7 @@
-"""Whole files or none: a file appears under its name only when all of it is on the disk, and only files are read."""
+"""Atomic writing of files, and reading of regular files only.
+
+A written file appears under its name only when all of it is on the disk.
+"""
 
 from __future__ import annotations
 
@@ -17,20 +20,24 @@ from numpy.typing import NDArray
 from .errors import DermisError
 from .foreign import MAX_BYTES, MAX_SETTINGS, MAX_TEXT, check_size, json_of, text_of
 
-# A pipe without a writer, or a line without a carrier, would keep whoever opens it waiting.
+# Without these flags, opening a pipe that has no writer, or a serial line that has no carrier, would wait for ever.
 _NO_WAITING = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOCTTY", 0) | getattr(os, "O_BINARY", 0)
 _WINDOWS = os.name == "nt"
-# Characters of a whole path on Windows, unless somebody has allowed longer ones: Microsoft, "Maximum Path Length
-# Limitation", 260 with the zero at its end.
+# [characters] Longest absolute path on Windows, unless longer paths have been enabled: 260 with the terminating zero,
+# by Microsoft's "Maximum Path Length Limitation".
 MAX_PATH = 259
-_EPOCH = (1980, 1, 1, 0, 0, 0)  # the first date that a zip can hold: equal contents give equal bytes
+# Date of all members of a zip, the first that a zip can hold. The date is constant so that equal contents give equal
+# bytes.
+_EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 @contextmanager
 def atomic(path: Path) -> Iterator[Path]:
-    """Give a temporary path beside `path`; the file written there takes the name when the block ends well.
+    """Write a file atomically, by way of a temporary path for the block.
 
-    Folders are made as needed. After an exception nothing is left behind and an older file stays as it was.
+    The block writes the file to the temporary path, which is in the same folder. At its end, the file is renamed to
+    `path`. Missing folders are made. If the block raises an exception, the temporary file is deleted, and an older file
+    at `path` stays as it was.
 
     Raises:
         DermisError: the folder or file cannot be written.
@@ -43,7 +50,7 @@ def atomic(path: Path) -> Iterator[Path]:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield part
-        with part.open("rb+") as written:  # on the disk before it takes the name: a power cut leaves old or new, whole
+        with part.open("rb+") as written:  # on the disk before the renaming, so a power cut leaves a whole file
             os.fsync(written.fileno())
         os.replace(part, path)
     except OSError as error:
@@ -54,10 +61,14 @@ def atomic(path: Path) -> Iterator[Path]:
 
 
 def keep_apart(out: Path | None, *read: Path | None) -> None:
-    """Refuse to write a file over one of those that are read for it.
+    """Refuse to overwrite a file from which the result is made.
+
+    Args:
+        out: path to write; None for none.
+        read: paths of the files that are read; None for none.
 
     Raises:
-        DermisError: `out` is one of them, by whatever name.
+        DermisError: `out` is one of these files, possibly under another path.
     """
     for path in read:
         if out is not None and path is not None:
@@ -69,13 +80,13 @@ def keep_apart(out: Path | None, *read: Path | None) -> None:
 
 
 def check_folder(path: Path) -> Path:
-    """Return a folder that must be there already.
+    """Return the path of a folder after a check that the folder exists.
 
     Raises:
-        DermisError: it is not, or it is a file.
+        DermisError: the folder does not exist, or the path is that of a file.
     """
     path = Path(path)
-    if not os.path.isdir(path):  # which has an answer for names that no system takes, too
+    if not os.path.isdir(path):  # `os.path.isdir` does not raise for names that no system allows
         raise DermisError(
             "not a folder" if os.path.exists(path) else "no such folder", where=str(path), remedy="Check the path"
         )
@@ -83,7 +94,7 @@ def check_folder(path: Path) -> Path:
 
 
 def write_bytes(path: Path, data: bytes) -> None:
-    """Write a whole file or none.
+    """Write a file atomically, see `atomic`.
 
     Raises:
         DermisError: the folder or file cannot be written.
@@ -94,12 +105,18 @@ def write_bytes(path: Path, data: bytes) -> None:
 
 @contextmanager
 def opened(path: Path, *, most: int = MAX_BYTES, where: str = "") -> Iterator[tuple[IO[bytes], int]]:
-    """Open a regular file for reading, and give its size [bytes] with it: devices, pipes and folders are no files.
+    """Open a regular file for reading; yield it and its size [bytes].
 
-    It is judged before it is opened, since opening a port alone may reset a board, and again once it is open.
+    Devices, pipes and folders are refused. The path is checked before it is opened, because merely opening a port may
+    reset a board. The open file is checked once more, because the path may have changed in between.
+
+    Args:
+        path: path of the file.
+        most: largest size [bytes].
+        where: name of the file in errors; '' for the path.
 
     Raises:
-        DermisError: missing, unreadable, not a regular file, or larger than `most`.
+        DermisError: the file is missing, unreadable, not a regular file, or larger than `most`.
     """
     where = where or str(path)
     try:
@@ -107,7 +124,7 @@ def opened(path: Path, *, most: int = MAX_BYTES, where: str = "") -> Iterator[tu
         descriptor = os.open(path, os.O_RDONLY | _NO_WAITING)
     except DermisError:
         raise
-    except (OSError, ValueError) as error:  # ValueError: a path that no system call takes
+    except (OSError, ValueError) as error:  # ValueError: no system call accepts the path
         raise _unreadable(error, where, path) from error
     with os.fdopen(descriptor, "rb") as file:
         status = os.fstat(descriptor)
@@ -132,7 +149,10 @@ def _unreadable(error: Exception, where: str, path: Path) -> DermisError:
 
 
 def _too_long(path: Path, where: str) -> DermisError | None:
-    """Return what Windows means where it says of a long path that there is no such folder; None elsewhere."""
+    """Return the error for a path that is too long for Windows, or None.
+
+    Windows itself reports for such a path only that there is no such folder.
+    """
     length = len(os.path.abspath(path))
     if not _WINDOWS or length <= MAX_PATH:
         return None
@@ -146,7 +166,7 @@ def _too_long(path: Path, where: str) -> DermisError | None:
 
 
 def read_bytes(path: Path, *, most: int = MAX_BYTES, where: str = "") -> bytes:
-    """Read a whole file.
+    """Return all bytes of a file; the arguments are those of `opened`.
 
     Raises:
         DermisError: see `opened`.
@@ -159,31 +179,43 @@ def read_bytes(path: Path, *, most: int = MAX_BYTES, where: str = "") -> bytes:
 
 
 def read_text(path: Path, *, most: int = MAX_TEXT, encoding: str = "utf-8") -> str:
-    """Read a text.
+    """Return the text of a file.
+
+    Args:
+        path: path of the file.
+        most: largest size [bytes].
+        encoding: 'utf-8', or 'utf-8-sig' to remove a byte order mark.
 
     Raises:
-        DermisError: see `opened`; or not UTF-8.
+        DermisError: the file cannot be read (see `opened`), or is not UTF-8.
     """
     return text_of(read_bytes(path, most=most), str(path), encoding)
 
 
 def read_json(path: Path, *, most: int = MAX_SETTINGS) -> Any:
-    """Read JSON; see `foreign.json_of`.
+    """Return the value of a JSON file, read by the rules of `foreign.json_of`.
+
+    Args:
+        path: path of the file.
+        most: largest size [bytes].
 
     Raises:
-        DermisError: see `opened`; or not JSON as it is taken here.
+        DermisError: the file cannot be read (see `opened`), or breaks a rule of `foreign.json_of`.
     """
     return json_of(read_bytes(path, most=most), str(path), most)
 
 
 def check_writable(path: Path, *, folder: bool = False) -> Path:
-    """Return a path that can be written, before the work that is to be written there; nothing stays behind.
+    """Return a path after a check that it can be written.
+
+    Called before long work, the check shows early that the result could not be written. It leaves no files behind.
 
     Args:
-        folder: it is to be a folder, not a file.
+        path: path to write.
+        folder: True if a folder is to be written there, False for a file.
 
     Raises:
-        DermisError: it cannot.
+        DermisError: the path cannot be written.
     """
     path = Path(path)
     home = path if folder else path.parent
@@ -211,10 +243,16 @@ def _unwritable(error: OSError | ValueError, path: Path, part: Path | None = Non
 
 
 def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays as an .npz whose bytes depend on nothing but the arrays; whole or not at all.
+    """Write an .npz file atomically.
+
+    Its bytes depend on nothing but the arrays and their names.
+
+    Args:
+        path: path of the file.
+        arrays: arrays by name; the file has them in the same order.
 
     Raises:
-        DermisError: an array of Python objects, or the file cannot be written.
+        DermisError: an array holds Python objects, or the file cannot be written.
     """
     with atomic(path) as part, zipfile.ZipFile(part, "w", allowZip64=True) as archive:
         for name in arrays:
@@ -222,10 +260,12 @@ def write_npz(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def put_array(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
-    """Add an array to a zip as NAME.npy, stored without compression and without a date.
+    """Add an array to a zip as NAME.npy.
+
+    It is stored without compression and with a constant date.
 
     Raises:
-        DermisError: it holds Python objects.
+        DermisError: the array holds Python objects.
     """
     array = np.asarray(array)
     if array.dtype.hasobject:
@@ -235,5 +275,5 @@ def put_array(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
 
 
 def put_text(archive: zipfile.ZipFile, name: str, text: str) -> None:
-    """Add a text to a zip, stored without compression and without a date."""
+    """Add a text to a zip, without compression and with a constant date."""
     archive.writestr(zipfile.ZipInfo(name, _EPOCH), text.encode("utf-8"))

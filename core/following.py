@@ -1,6 +1,7 @@
-"""Following a path at limited speed: left behind where it leaps, straight after it, and on it again once caught.
+"""Following a path at limited speed.
 
-Where the future is known, a follower sets out in time.
+A follower is left behind when the path leaps. From then on it moves straight towards the present point of the path,
+until it has caught up. If the future of the path is known, it can start early enough, see `in_time`.
 """
 
 from __future__ import annotations
@@ -16,15 +17,16 @@ from .arrays import Array
 def follow(
     target: Array, leaps: NDArray[np.integer], advance: Callable[[int, list[float], list[float]], list[float] | None]
 ) -> Array:
-    """Follow a path as far as each step allows; wherever it can be reached, the result is the path to the bit.
+    """Follow a path as far as each step allows.
 
     Args:
-        target: shape (n, columns); its first row is where the follower begins.
-        leaps: rows that cannot be reached from the row before, rising, from 1 on.
-        advance: where a follower gets on the way to a row from a place, given row, place and goal; None: to the goal.
+        target: points of the path, shape (n, columns). The follower begins at the first one.
+        leaps: rows of `target` that cannot be reached from the row before them, rising, each at least 1.
+        advance: function of a row's index, the follower's point at the row before, and the goal, which is that row of
+            `target`. It returns the point that the follower reaches, or None if it reaches the goal.
 
     Returns:
-        Shape (n, columns).
+        Points of the follower, shape (n, columns); exactly those of `target` at all rows that it reaches.
     """
     path, caught = target.copy(), 0
     for leap in leaps.tolist():
@@ -37,20 +39,26 @@ def follow(
                 break
             path[row] = place = reached
             row += 1
-        caught = row + 1  # on the target again at `row`; it can next be left behind after it
+        caught = row + 1  # the follower is on the path at `row`, so only a later leap matters
     return path
 
 
 def in_time(times: Array, wanted: Array, bound: NDArray[np.bool_], slews: Array, rest: Array) -> Array:
-    """Return a path that is where it is wanted in time: it leaves its rest early enough, and goes back at once.
+    """Return a path of limited speed that sets out early enough for its goals.
+
+    Away from its goals the path is at rest. It leaves rest only as early as the speed requires, and returns at once.
 
     Args:
-        times: [s], rising, shape (n,).
-        wanted: shape (n, columns). bound: rows of it that count, shape (n,): at others it rests where it can.
-        slews: largest change a second of each column, shape (columns,). rest: shape (columns,).
+        times: times of the rows [s], rising, shape (n,).
+        wanted: goals, shape (n, columns).
+        bound: True for rows whose goals count, shape (n,). At all other rows the path is as near to rest as the speed
+            allows.
+        slews: largest change of each column per second, shape (columns,); inf for no limit.
+        rest: values of the columns at rest, shape (columns,).
 
     Returns:
-        Shape (n, columns). No path within the limits has a smaller largest distance from the bound rows.
+        The path, shape (n, columns). In each column, its largest distance from the goals that count is the smallest
+        possible within the limits.
     """
     path = np.where(bound[:, None], wanted, rest)
     if not bound.any() or np.isinf(slews).all():
@@ -63,7 +71,15 @@ def in_time(times: Array, wanted: Array, bound: NDArray[np.bool_], slews: Array,
 
 
 def _cone(times: Array, values: Array, bound: NDArray[np.bool_], slews: Array) -> tuple[Array, Array]:
-    """Return the lowest and the highest values that all bound rows can be reached from and left to, (n, columns)."""
+    """Return the bounds of the values from which all goals are within reach.
+
+    Goals are the values at rows that are `bound`. For a row and a column, the lower bound exceeds the upper one if no
+    value can reach all goals.
+
+    Returns:
+        Lower and upper bounds, each of shape (n, columns). In columns without a limit of speed, both bounds are the
+        goal at rows that are `bound`, and infinite at all other rows.
+    """
     limited = np.isfinite(slews)
     way = times[:, None] * np.where(limited, slews, 0.0)
 

@@ -1,7 +1,8 @@
-"""Files from elsewhere: limits of their sizes, one guard around parsers, JSON and TOML without surprises.
+"""Guards for files from other programs; strict readers of JSON and TOML.
 
-Every reader of files goes through here, `files.read_bytes` and `npz`: a problem of a file becomes one
-`DermisError`, and nothing is unpacked or allocated before its size was judged.
+The guards are limits of size, and a conversion of the errors that parsers raise. Every reader of files uses these
+guards. Each problem of a file becomes one `DermisError`, and nothing is unpacked or allocated before its size has been
+checked.
 """
 
 from __future__ import annotations
@@ -20,25 +21,34 @@ from typing import Any
 
 from .errors import DermisError
 
-# The limits, each with its reason.
-MAX_BYTES = 1 << 31  # of a file, and of all that an archive unpacks: a lab's hour at 1 kHz of 60 channels is 1.7 GB
-MAX_TEXT = 1 << 29  # of text, which takes ten times as much while it is read: 128 pins at 240 Hz for half an hour
-MAX_SETTINGS = 1 << 24  # of presets, calibrations, headers: people write these, and 128 pins take 30 kB
-FREELY = 1 << 26  # bytes that may come out of however little: 8,192 x 8,192 flat pixels
-EXPANDS = 100  # times its packed size that anything larger may unpack to; measured data stay below 20
-MAX_TOML = 1 << 20  # of TOML: its parser takes up to 1 us a byte, and a sweep of 100,000 values takes 0.7 MB
-LONGEST_INTEGER = 300  # digits: a longer one is no double any more
-DEEPEST = 32  # objects and lists in one another; presets have 6
+# Limits, each with its reason.
+# [bytes] Largest file, and largest unpacked contents of an archive. An hour of 60 channels at 1 kHz has 1.7 GB.
+MAX_BYTES = 1 << 31
+# [bytes] Largest text file. Reading needs ten times as much memory. Half an hour of 128 pins at 240 Hz is as large.
+MAX_TEXT = 1 << 29
+# [bytes] Largest preset, calibration or header. People write these by hand; a preset of 128 pins has 30 kB.
+MAX_SETTINGS = 1 << 24
+# [bytes] Data may unpack to this size, however small they are packed: a picture of 8,192 x 8,192 pixels of one colour.
+FREELY = 1 << 26
+# Data that unpack to more than `FREELY` may unpack to this many times their packed size. Measured data stay below 20.
+EXPANDS = 100
+# [characters] Largest TOML text. The parser takes up to 1 us per byte; a sweep of 100,000 values has 0.7 MB.
+MAX_TOML = 1 << 20
+LONGEST_INTEGER = 300  # [digits] longest whole number; from 310 digits on, no double can hold it
+DEEPEST = 32  # [levels] deepest nesting of objects and lists; presets have 6
 
-# The strings and comments of TOML, each character in one match only; a string that is not closed is taken to its end.
+# The strings and comments of TOML. No character is tried twice, so the search takes linear time. A string that is not
+# closed ends with its line; with three quotes, it ends with the text.
 _TOML_QUOTED = re.compile(
     r""""{3}(?:[^"\\]|\\.|"{1,2}+(?!"))*+(?:"{3,5}|\Z)|'{3}(?:[^']|'{1,2}+(?!'))*+(?:'{3,5}|\Z)"""
     r"""|"(?:[^"\\\n]|\\.)*+"?|'[^'\n]*+'?|\#[^\n]*+""",
     re.DOTALL,
 )
+# A dotted key with more than `DEEPEST` parts.
 _TOML_DEEP = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{DEEPEST}}}")
 
-# Exceptions of Python's, numpy's and zlib's parsers for damaged files; numpy reads headers with Python's own tokenizer.
+# Exceptions that the parsers of Python, numpy and zlib raise for damaged files. `TokenError` is one of them, because
+# numpy reads headers with Python's tokenizer.
 DAMAGE: tuple[type[Exception], ...] = (
     OSError,
     ValueError,
@@ -61,7 +71,12 @@ DAMAGE: tuple[type[Exception], ...] = (
 
 
 def is_newer(schema: Any, known: str) -> bool:
-    """Return whether a schema, such as 'dermis-skin 2', is the known one of a later version."""
+    """Return whether a schema is a later version of the known schema.
+
+    Args:
+        schema: the schema in a file, such as 'dermis-skin 2'.
+        known: the schema that is read here, such as 'dermis-skin 1'.
+    """
     kind, _, number = schema.rpartition(" ") if isinstance(schema, str) else ("", "", "")
     own, _, version = known.rpartition(" ")
     return kind == own and number.isdecimal() and len(number) < 10 and int(number) > int(version)
@@ -69,10 +84,18 @@ def is_newer(schema: Any, known: str) -> bool:
 
 @contextmanager
 def damage_told(what: str, where: str, *, limit: str = "", remedy: str = "") -> Iterator[None]:
-    """Turn whatever a parser of foreign bytes throws inside the block into one refusal, the cause chained to it.
+    """Convert exceptions that a parser raises in the block into `DermisError`.
+
+    Exceptions that are not listed in `DAMAGE` pass.
+
+    Args:
+        what: the problem, for the message.
+        where: name of the file, for the message.
+        limit: the accepted values, for the message.
+        remedy: a way to solve the problem, for the message.
 
     Raises:
-        DermisError: `what`, with the parser's own words as the value.
+        DermisError: the parser raised an exception; the message quotes the text of the exception.
     """
     try:
         yield
@@ -85,13 +108,16 @@ def damage_told(what: str, where: str, *, limit: str = "", remedy: str = "") -> 
 
 
 def check_size(size: int, where: str, most: int = MAX_BYTES, *, packed: int | None = None) -> None:
-    """Refuse more bytes than are read, or unpacked out of few.
+    """Refuse data that are too large, or too large for their packed size.
 
     Args:
-        size: bytes to be read or allocated. packed: bytes that they come out of, where they are packed.
+        size: bytes to be read or allocated.
+        where: name of the file, for the message.
+        most: largest number of bytes.
+        packed: size of the packed data [bytes]; None if they are not packed.
 
     Raises:
-        DermisError: more than `most`; or more than `FREELY` and more than `EXPANDS` times their packed size.
+        DermisError: `size` exceeds `most`, or exceeds both `FREELY` and `EXPANDS` times `packed`.
     """
     if size > most:
         raise DermisError(
@@ -112,10 +138,15 @@ def check_size(size: int, where: str, most: int = MAX_BYTES, *, packed: int | No
 
 
 def text_of(data: bytes, where: str, encoding: str = "utf-8") -> str:
-    """Decode text.
+    """Decode UTF-8 text.
+
+    Args:
+        data: the encoded text.
+        where: name of the file, for the message.
+        encoding: 'utf-8', or 'utf-8-sig' to remove a byte order mark.
 
     Raises:
-        DermisError: not UTF-8; says at which byte.
+        DermisError: the data are not UTF-8; the message gives the first wrong byte.
     """
     try:
         return data.decode(encoding)
@@ -130,13 +161,19 @@ def text_of(data: bytes, where: str, encoding: str = "utf-8") -> str:
 
 
 def json_of(data: bytes | str, where: str, most: int = MAX_SETTINGS, *, constants: bool = False) -> Any:
-    """Read JSON: no key twice, no constants beside true, false and null, not nested without end, whole characters.
+    """Read JSON by strict rules.
+
+    Keys must be unique within an object, numbers finite, and characters whole. Nesting is limited to `DEEPEST` levels,
+    and whole numbers to `LONGEST_INTEGER` digits.
 
     Args:
-        most: bytes. constants: NaN and the infinities are taken, which Python writes of its own accord.
+        data: the text, or the bytes of UTF-8 text.
+        where: name of the file, for the message.
+        most: largest length of the data, in bytes, or in characters for a text.
+        constants: True to accept NaN and the infinities, which Python's own writer of JSON writes.
 
     Raises:
-        DermisError: it is none of that; says at which line where it can.
+        DermisError: the data break one of these rules or are too long; for a syntax error the message gives the line.
     """
     check_size(len(data), where, most)
     text = data if isinstance(data, str) else text_of(data, where)
@@ -175,7 +212,7 @@ def json_of(data: bytes | str, where: str, most: int = MAX_SETTINGS, *, constant
     except (ValueError, MemoryError) as error:
         raise DermisError("not JSON", where=where, value=str(error)[:80]) from error
     _check_depth(value, where)
-    if "\\u" in text:  # the only way to half a character; it could not be written or printed
+    if "\\u" in text:  # only an escape can give half a character, which cannot be encoded
         try:
             json.dumps(value, ensure_ascii=False).encode("utf-8")
         except UnicodeEncodeError as error:
@@ -189,12 +226,14 @@ def json_of(data: bytes | str, where: str, most: int = MAX_SETTINGS, *, constant
 
 
 def toml_of(text: str, where: str) -> dict[str, Any]:
-    """Read TOML of keys that are not nested without end, and of whole numbers that can be used.
+    """Read TOML with limits on its length, its nesting and its whole numbers.
 
-    The parser's time grows with the square of a key's depth, so the depth is judged on the text before.
+    The parser's time grows with the square of the number of parts of a dotted key. This number is therefore checked in
+    the text, before the parser reads it.
 
     Raises:
-        DermisError: too large, too deep, a whole number that is no double any more, or not TOML.
+        DermisError: the text is not TOML, longer than `MAX_TOML`, nested deeper than `DEEPEST`, or has a number of more
+            than `LONGEST_INTEGER` digits.
     """
     check_size(len(text), where, MAX_TOML)
     if _TOML_DEEP.search(_TOML_QUOTED.sub("_", text)):
@@ -207,7 +246,10 @@ def toml_of(text: str, where: str) -> dict[str, Any]:
 
 
 def _check_whole(value: Any, where: str) -> None:
-    """Refuse whole numbers that are no double any more; hexadecimal ones can be of any length."""
+    """Refuse whole numbers of more than `LONGEST_INTEGER` digits.
+
+    Python itself limits the length of decimal numbers, but not of hexadecimal ones.
+    """
     if isinstance(value, dict | list):
         for inner in value.values() if isinstance(value, dict) else value:
             _check_whole(inner, where)

@@ -1,8 +1,9 @@
-"""Memory: state that is carried on where a scene is computed window by window, as in a preview.
+"""Memory: state that a preview carries from one time window to the next.
 
-A bake begins at rest and sees its whole range. A preview sees the last moments only. A bake carries state over from
-before them: a direction held, taps that still ring, the swing of a content. It stands here under names, as it was where
-the window's device times begin; the same is noted for where those of the next window will begin.
+A bake begins at rest and computes its whole range. A preview computes only a window of the last moments. State from
+before the window still affects the window: a direction that is held, taps that still ring, the swing of contents. A
+`Memory` holds each such state under a key, as it was at the start of the window's device times. It also stores each
+state at the time at which the device times of the next window will start.
 """
 
 from __future__ import annotations
@@ -16,16 +17,17 @@ import numpy as np
 
 from .arrays import Array
 
-ROUNDING = 1e-9  # of a step between two device times
+ROUNDING = 1e-9  # times that differ by less than this share of a step between device times count as equal
 
 
 @dataclass
 class Carry:
-    """A state to begin with, and the state that is wanted.
+    """State of an effect at the first sample, and at a later one.
 
     Attributes:
-        start: the state at the first time; None for rest.
-        index: sample at which the state is wanted. found: that state, filled in by who computes; None if it never was.
+        start: state at the first sample; None for rest.
+        index: index of the sample at which the next window will start.
+        found: state at sample `index`. The code that computes the effect sets it; None stands for rest.
     """
 
     start: Any = None
@@ -34,12 +36,17 @@ class Carry:
 
 
 class Memory:
-    """State at one instant, and at a later one.
+    """States at the start of a window, and at the start of the next one.
 
     Args:
-        start: where the device times begin [s]. until: where those of the next window will begin [s], later or equal.
-        now: where they end [s]. before: the state at `start`; None for rest.
-        lasting: objects that hold for every window.
+        start: start of the device times of the window [s].
+        until: start of the device times of the next window [s], not before `start`.
+        now: end of the device times of the window [s].
+        before: states at `start`, by key; None if all are at rest.
+        lasting: objects that are valid for all windows, by key; None for none yet.
+
+    Attributes:
+        noted: states at `until`, by key.
     """
 
     def __init__(
@@ -52,28 +59,42 @@ class Memory:
     ) -> None:
         self._start, self._until, self._now = start, until, now
         self._before = before or {}
-        self.noted = dict(self._before)  # entries that nothing renews still hold
+        self.noted = dict(self._before)  # a state stays valid until it is replaced
         self._lasting = {} if lasting is None else lasting
 
     def times(self, rate: float) -> Array:
-        """Return the device times of the window at a rate [Hz], on the grid of the scene's range [s], shape (n,)."""
+        """Return the device times of the window [s], shape (n,).
+
+        They are multiples of 1 / rate, from the last one at or before `start` to the first one at or after `now`.
+
+        Args:
+            rate: rate of the device [Hz].
+        """
         return np.arange(_step(self._start, rate), np.ceil(self._now * rate - ROUNDING) + 1.0) / rate
 
     def carry(self, key: Hashable, times: Array) -> AbstractContextManager[Carry]:
-        """Give the state noted under a name at the first device time, and note the state found for the next window."""
+        """Return a context manager that gives the `Carry` of a key.
+
+        At the end of the block, the `found` of the `Carry` is stored for the next window. Nothing is stored if the
+        block raises an exception.
+
+        Args:
+            key: key of the state.
+            times: device times of the window [s], shape (n,).
+        """
         slack = ROUNDING * float(times[1] - times[0]) if len(times) > 1 else 0.0
         index = max(int(times.searchsorted(self._until + slack, "right")) - 1, 0)
         return _Noting(self.noted, key, Carry(self._before.get(key), index))
 
     def lasting(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return an object that is made once and holds for every window."""
+        """Return the object of a key, made once by `make` for all windows."""
         if key not in self._lasting:
             self._lasting[key] = make()
         return self._lasting[key]
 
 
 class _Noting:
-    """Notes the state that a `Carry` has found when its block ends."""
+    """Context manager of `Memory.carry`."""
 
     def __init__(self, noted: dict[Hashable, Any], key: Hashable, carry: Carry) -> None:
         self._noted, self._key, self._carry = noted, key, carry

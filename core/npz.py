@@ -1,6 +1,6 @@
-"""Arrays in files, .npz and .npy, read by what their headers say and no more: nothing is unpickled.
+"""Readers of .npz and .npy files that check headers and unpickle nothing.
 
-A header is judged before a byte of its array is read: the numbers it declares must be the numbers there are.
+A header is checked before the array is read: the array must have exactly the size that the header declares.
 """
 
 from __future__ import annotations
@@ -20,22 +20,26 @@ from .errors import DermisError
 from .files import opened
 from .foreign import MAX_BYTES, check_size, damage_told, text_of
 
-DTYPES = "biufcSU"  # numbers and texts
-EMPTY_SIDE = 1 << 24  # of an array that holds nothing: arrays made from its length later must be small too
-MAX_DIRECTORY = 1 << 24  # bytes of an archive's table of contents: 100,000 members; a long scene has some thousand
-_METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # what numpy writes
-_AT_ONCE = 1 << 20
+DTYPES = "biufcSU"  # kinds of numpy's types that are read: numbers and texts
+EMPTY_SIDE = 1 << 24  # largest side of an array without elements, because later arrays are allocated with this length
+MAX_DIRECTORY = 1 << 24  # [bytes] longest table of contents, some 100,000 members; a long scene has some thousand
+_METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # the methods of compression that numpy uses
+_AT_ONCE = 1 << 20  # [bytes] length of the parts in which an array is read
 
 
 class ArrayFile:
-    """An open .npz: a zip of .npy arrays and texts.
+    """An open .npz file: a zip of .npy arrays and texts.
 
     Args:
         file: the file, open for reading.
         where: name of the file in errors.
         size: size of the file [bytes].
-        kind: expected kind.
-        trusted: made by this product and known by its check sum, so it may unpack to many times its size.
+        kind: expected kind of file in errors, such as 'an archive of arrays'.
+        trusted: True for a file that this product made and whose check sum was verified. Such a file may unpack to more
+            than `EXPANDS` times its size.
+
+    Raises:
+        DermisError: the file is no zip, has too many members, or has two members of one name.
     """
 
     def __init__(self, file: IO[bytes], where: str, size: int, kind: str, *, trusted: bool = False) -> None:
@@ -50,7 +54,7 @@ class ArrayFile:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of its arrays."""
+        """Names of the arrays in the file."""
         return tuple(name.removesuffix(".npy") for name in self._members if name.endswith(".npy"))
 
     def __contains__(self, member: str) -> bool:
@@ -60,7 +64,7 @@ class ArrayFile:
         """Read one array.
 
         Raises:
-            DermisError: it is missing, damaged, larger than is read, or holds neither numbers nor texts.
+            DermisError: the array is missing, damaged or too large, or holds neither numbers nor texts.
         """
         place = f"{self.where}, {name}"
         with self._open(f"{name}.npy", place) as (file, size):
@@ -73,8 +77,12 @@ class ArrayFile:
     def text(self, name: str, most: int) -> str:
         """Read a member that is UTF-8 text.
 
+        Args:
+            name: name of the member.
+            most: largest size of the text [bytes].
+
         Raises:
-            DermisError: it is missing, damaged, or larger than `most` bytes.
+            DermisError: the member is missing, damaged, larger than `most`, or not UTF-8.
         """
         place = f"{self.where}, {name}"
         with self._open(name, place) as (file, size):
@@ -89,7 +97,7 @@ class ArrayFile:
         if info is None:
             there = ", ".join(self._members)[:200]
             raise DermisError(f"not {self._kind}, or damaged: a part is missing", where=place, limit=there)
-        if info.compress_type not in _METHODS or info.flag_bits & 0x61:  # encrypted, patched
+        if info.compress_type not in _METHODS or info.flag_bits & 0x61:  # encrypted or patched
             raise DermisError(
                 "packed by a method that is not supported",
                 where=place,
@@ -97,7 +105,7 @@ class ArrayFile:
                 limit="stored or deflated",
                 remedy="Write it with numpy.savez",
             )
-        self._budget += info.file_size  # of all that was read: members may lie over one another
+        self._budget += info.file_size  # summed over all reads, because members may overlap
         check_size(self._budget, place, packed=None if self._trusted else self._size)
         with damage_told("the archive is damaged", place):
             file = self._zip.open(info)
@@ -109,17 +117,19 @@ class ArrayFile:
 def opened_npz(
     path: Path, where: str = "", kind: str = "an archive of arrays", *, trusted: bool = False
 ) -> Iterator[ArrayFile]:
-    """Open an .npz for reading; see `ArrayFile` for `kind` and `trusted`.
+    """Open an .npz file for reading; yield an `ArrayFile`.
+
+    See `ArrayFile` for the arguments; `where` is the path if it is ''.
 
     Raises:
-        DermisError: missing, not a regular file, or not an archive.
+        DermisError: the file is missing, not a regular file, or not an archive.
     """
     with opened(path, where=where) as (file, size):
         yield ArrayFile(file, where or str(path), size, kind, trusted=trusted)
 
 
 def read_npz(path: Path, where: str = "", kind: str = "an archive of arrays") -> dict[str, NDArray[Any]]:
-    """Read all arrays of an .npz.
+    """Return all arrays of an .npz file by name.
 
     Raises:
         DermisError: see `opened_npz` and `ArrayFile.array`.
@@ -129,10 +139,14 @@ def read_npz(path: Path, where: str = "", kind: str = "an archive of arrays") ->
 
 
 def array_of(data: bytes, where: str) -> NDArray[Any]:
-    """Read a .npy.
+    """Return the array in the bytes of a .npy file.
+
+    Args:
+        data: all bytes of the file.
+        where: name of the file in errors.
 
     Raises:
-        DermisError: damaged, another number of bytes than its header declares, or neither numbers nor texts.
+        DermisError: the data are damaged, differ in size from the header, or hold neither numbers nor texts.
     """
     return _array(io.BytesIO(data), len(data), where)
 
@@ -180,15 +194,18 @@ def _array(file: IO[bytes], size: int, where: str) -> NDArray[Any]:
 
 
 def _check_directory(file: IO[bytes], size: int, where: str) -> None:
-    """Refuse a directory far longer than any file of ours has: zipfile builds an object for each of its members."""
-    file.seek(max(size - 65_557, 0))  # the end record, and the longest comment behind it
+    """Refuse an archive with a table of contents beyond `MAX_DIRECTORY`.
+
+    The check comes before `zipfile` reads the table, because `zipfile` builds an object for each member.
+    """
+    file.seek(max(size - 65_557, 0))  # the end record (22 bytes) and the longest comment after it (65,535 bytes)
     tail = file.read(65_557)
     end = len(tail) - 22 if tail[-22:-18] == b"PK\5\6" else tail.rfind(b"PK\5\6")
     if end < 0:
-        return  # which zipfile will tell
+        return  # not a zip: `zipfile` raises the error
     lengths = [int.from_bytes(tail[end + 12 : end + 16], "little")]
     lengths = [n for n in lengths if n != 0xFFFFFFFF]
-    if tail[max(end - 76, 0) : end - 72] == b"PK\6\6":  # 64 bits
+    if tail[max(end - 76, 0) : end - 72] == b"PK\6\6":  # the end record of a ZIP64 file
         lengths.append(int.from_bytes(tail[end - 36 : end - 28], "little"))
     if max(lengths, default=0) > MAX_DIRECTORY:
         raise DermisError(

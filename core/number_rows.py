@@ -1,4 +1,7 @@
-"""Rows of numbers from a text file, with a line of names or without: the one reader of .csv files from elsewhere."""
+"""Reader of rows of numbers from the .csv files of other programs.
+
+The first line of such a file may hold the names of the columns.
+"""
 
 from __future__ import annotations
 
@@ -14,16 +17,26 @@ from .column_names import TIMES, Column, columns_of, time_column
 from .errors import DermisError
 from .files import read_text
 
-SEPARATORS = ";\t,"  # the first of them that stands in the first line; else white space
-LONGEST_SPAN = 86_400.0  # [s], a day: no recording of a finger is longer, and numbers of another unit are
-SLOW, LONG = 1.0, 60.0  # rows as far apart [s], for so long [s]: nobody records so, their times have another unit
-LATEST = 1e11  # [s] more than since the year 1 (6.4e10), less than milliseconds since 1970 (1.7e12)
+SEPARATORS = ";\t,"  # the first of these that occurs in a file's first line parts the cells; otherwise white space does
+LONGEST_SPAN = 86_400.0  # [s] a day: no recording of a finger lasts longer, so the times have another unit
+# SLOW [s] and LONG [s]: times with a mean step of at least SLOW over a span of at least LONG have another unit than
+# seconds, because nobody records a finger so slowly.
+SLOW, LONG = 1.0, 60.0
+# LATEST [s]: later times have another unit than seconds. Seconds since the year 1 are fewer (6.4e10), and milliseconds
+# since 1970 are more (1.7e12).
+LATEST = 1e11
 UNIT_NOT_SAID = "the unit of the times is not stated, and in seconds they are slow"
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a file: its number from 1, and its text, whose cells a separator parts; '' is white space."""
+    """One line of a text file, divided into cells.
+
+    Attributes:
+        number: number of the line in the file, from 1.
+        text: the line without its line break.
+        separator: character between the cells: ';', a tab or ','; '' for white space.
+    """
 
     number: int
     text: str
@@ -31,13 +44,13 @@ class Line:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """The cells without what surrounds them."""
+        """The cells, without the white space and double quotes around them."""
         parts = self.text.split(self.separator) if self.separator else self.text.split()
         return tuple(part.strip().strip('"').strip() for part in parts)
 
     def numbers(self) -> list[float | None]:
-        """Return the cells' numbers, None where one holds none."""
-        if "_" not in self.text:  # which Python reads over
+        """Return the number in each cell; None for a cell without a number."""
+        if "_" not in self.text:  # `float` would read 1_0 as 10; `number` refuses it
             with contextlib.suppress(ValueError):
                 return list(map(float, self.text.split(self.separator or None)))
         return [number(cell, self.separator) for cell in self.cells]
@@ -49,9 +62,10 @@ class Rows:
 
     Attributes:
         where: name of the file.
-        names: names of the columns; empty if the file has no line of names.
-        values: NaN where a cell holds no number, shape (n, c). lines: the number of each row's line in the file.
-        spaced: white space parts the cells.
+        names: names of the columns; empty if the file has no names.
+        values: numbers of all cells, shape (rows n, columns c); NaN for a cell without a number.
+        lines: line number of each row in the file, n numbers.
+        spaced: True if white space parts the cells.
     """
 
     where: str
@@ -61,7 +75,7 @@ class Rows:
     spaced: bool = False
 
     def columns(self) -> tuple[Column, ...]:
-        """Return the meaning of the names.
+        """Return the meaning of each column's name.
 
         Raises:
             DermisError: see `column_names.columns_of`.
@@ -69,17 +83,22 @@ class Rows:
         return columns_of(self.names, self.where)
 
     def place(self, row: int, column: int | None = None) -> str:
-        """Return where a number stands, for people."""
+        """Return the position of a row as text: the file and the line.
+
+        With a column, the text is the position of a cell and includes the column.
+        """
         text = f"{self.where}, line {self.lines[row]}"
         if column is None:
             return text
         return f"{text}, column {column + 1}" + (f" '{self.names[column]}'" if self.names else "")
 
     def times(self) -> tuple[Array, int]:
-        """Return times [s], rising, shape (n,), and their column: the first where the file has no names.
+        """Return the rising times [s], shape (n,), and the index of their column.
+
+        The column of times is found by its name. In a file without names it is the first one.
 
         Raises:
-            DermisError: no column has the name of a time, or see `seconds`.
+            DermisError: no name means a time, or see `seconds`.
         """
         if not self.names:
             return self.seconds(0, None), 0
@@ -88,13 +107,15 @@ class Rows:
         return self.seconds(index, columns[index].unit), index
 
     def seconds(self, index: int, unit: float | None) -> Array:
-        """Return the times of a column [s], rising, shape (n,).
+        """Return the times in a column [s], rising, shape (n,).
 
         Args:
-            unit: seconds of one, None where the file does not say it: then they are seconds if they can be.
+            index: index of the column.
+            unit: unit of the times [s], such as 1e-3 for ms. None if the file states no unit; then it is the second,
+                unless the times are implausible as seconds, see `slow`.
 
         Raises:
-            DermisError: nobody says the unit, and they can hardly be seconds; or see `check_times`.
+            DermisError: no unit is stated, and the times are implausible as seconds; or see `check_times`.
         """
         given = self.values[:, index]
         if unit is None and slow(given) and (np.diff(given) > 0.0).all():
@@ -112,13 +133,15 @@ class Rows:
 
 
 def check_times(times: Array, rows: Rows, column: int) -> None:
-    """Refuse times that cannot be.
+    """Refuse times that are missing, do not rise, or span more than a day.
 
     Args:
-        times: [s], shape (n,). rows, column: where they stand.
+        times: the times [s], shape (n,).
+        rows, column: the rows from which the times were read, and the index of their column, for the message.
 
     Raises:
-        DermisError: a time that is missing or no later than the one before, or more than a day in all.
+        DermisError: a time is missing, not finite, or not later than the time before it; or the times span more than
+            `LONGEST_SPAN`.
     """
     bad = np.flatnonzero(~np.isfinite(times))
     if len(bad):
@@ -143,7 +166,13 @@ def check_times(times: Array, rows: Rows, column: int) -> None:
 
 
 def slow(times: Array) -> bool:
-    """Return whether times are too far apart, or too late, to be seconds."""
+    """Return whether times are implausible as seconds.
+
+    They are if they lie too far apart (`SLOW`, `LONG`) or are too late (`LATEST`).
+
+    Args:
+        times: rising times in an unknown unit, shape (n,).
+    """
     if not len(times):
         return False
     span = np.ptp(times)
@@ -151,7 +180,13 @@ def slow(times: Array) -> bool:
 
 
 def time_unit(times: Array) -> str:
-    """Return the unit of times, 's' where they can be seconds; '' where they have none."""
+    """Return the first plausible unit of times; '' if none is plausible.
+
+    The units are tried in the order 's', 'ms', 'us', 'ns'.
+
+    Args:
+        times: rising times in an unknown unit, shape (n,).
+    """
     if not slow(times):
         return "s"
     step = np.ptp(times) / (len(times) - 1)
@@ -162,15 +197,16 @@ def time_unit(times: Array) -> str:
 
 
 def read_rows(path: Path) -> Rows:
-    """Read a .csv file of numbers; other cells become NaN.
+    """Read a .csv file of numbers; a cell without a number becomes NaN.
 
-    Cells are parted by semicolons, tabs, commas or white space. Where no comma parts them, a comma in a number is a
-    decimal comma. A first line without a single number is one of names; so is a comment before the numbers that has as
-    many words as they have columns, and names x, y and z. Other lines that begin with '#', and empty ones, are passed
-    over. A line of missing values ('nan') is a line of values.
+    Semicolons, tabs, commas or white space part the cells. If commas do not, a comma in a number is a decimal comma.
+
+    The first line holds the names of the columns if it contains no number; 'nan' counts as a number. Otherwise the last
+    comment before the numbers holds the names if it has one word per column, and its words include names of x, y and z.
+    All other lines that begin with '#', and empty lines, are skipped.
 
     Raises:
-        DermisError: the file is no text, has no rows, or rows of different lengths.
+        DermisError: the file cannot be read, is no text, has no rows, or has rows of different lengths.
     """
     lines, separator, comment = lines_of(path)
     names: tuple[str, ...] = ()
@@ -197,11 +233,12 @@ def read_rows(path: Path) -> Rows:
 
 
 def lines_of(path: Path) -> tuple[list[Line], str, tuple[str, ...]]:
-    """Return the lines of a file that are neither empty nor comments, what parts their cells, and the last comment's.
+    """Return the lines of a file, the separator of cells, and a comment.
 
     Returns:
-        lines, without separators at their ends; ';', a tab, ',' or '' for white space; the cells of the comment
-        directly before the first line.
+        The lines that are neither empty nor comments, without needless separators at their ends.
+        The separator between the cells: ';', a tab or ','; '' for white space.
+        The cells of the last comment before the first line.
 
     Raises:
         DermisError: the file cannot be read, or is no text.
@@ -220,7 +257,11 @@ def lines_of(path: Path) -> tuple[list[Line], str, tuple[str, ...]]:
 
 
 def _unended(kept: list[tuple[int, str]], separator: str) -> list[tuple[int, str]]:
-    """Return lines without a separator at their ends, which parts nothing; one before a missing last value stays."""
+    """Remove separators at the ends of lines.
+
+    They are kept if they stand before a missing last value. A last value is missing if another line has a value in that
+    column.
+    """
 
     def width(text: str) -> int:
         return text.count(separator) + 1
@@ -237,9 +278,11 @@ def _unended(kept: list[tuple[int, str]], separator: str) -> list[tuple[int, str
 
 
 def numbers_of(lines: Sequence[Line], columns: int) -> Array | None:
-    """Return the numbers of lines, shape (lines, columns), read all at once; None where one of them is to be looked at.
+    """Return the numbers of all lines, read at once by numpy.
 
-    That is one with a cell that holds no number, or that only `number` reads, or with another count of cells.
+    The shape is (lines, columns). The result is None if numpy cannot read the lines. Numpy cannot read a cell without a
+    number, a cell that only `number` can read, such as one with a decimal comma, and lines with another number of cells
+    than `columns`.
     """
     try:
         found = np.loadtxt([line.text for line in lines], delimiter=lines[0].separator or None, comments=None, ndmin=2)
@@ -249,8 +292,11 @@ def numbers_of(lines: Sequence[Line], columns: int) -> Array | None:
 
 
 def number(cell: str, separator: str = ",") -> float | None:
-    """Return a cell's number, None where it holds none; the comma is a decimal one where it parts no cells."""
-    if "_" in cell:  # Python reads 1_0 as 10: no program writes numbers so
+    """Return the number in a cell, or None if it holds none.
+
+    A comma is a decimal comma if `separator`, the separator of cells, is another character.
+    """
+    if "_" in cell:  # `float` would read 1_0 as 10, but no program writes numbers with underscores
         return None
     try:
         return float(cell)

@@ -1,4 +1,4 @@
-"""A person's own presets: made of values at hand, written whole or not at all, and removed again."""
+"""Saving and deleting a person's own presets."""
 
 from __future__ import annotations
 
@@ -19,7 +19,13 @@ SOURCE = "a person's own"
 
 
 def fields(values: Mapping[str, Any], table: Table) -> dict[str, Any]:
-    """Return values in SI as a preset's file states them, each in the unit that its row shows to people.
+    """Return values in the form of a preset's file.
+
+    Each number is in the unit that panels show.
+
+    Args:
+        values: values by name, in SI.
+        table: the parameters of these names.
 
     >>> from core.parameters.skin import SKIN
     >>> fields({"width": 0.0165, "poisson": 0.48}, SKIN)["width"]
@@ -38,11 +44,19 @@ def fields(values: Mapping[str, Any], table: Table) -> dict[str, Any]:
 
 
 def save(library: Library, folder: Path, group: str, preset: Mapping[str, Any]) -> str:
-    """Write a preset into a person's folder under a key made of its name; return the key.
+    """Write a preset into a person's own folder; return its key.
+
+    The key is made from the name of the preset.
+
+    Args:
+        library: library with the built-in presets.
+        folder: folder of the person's own presets; the file is put into its subfolder `group`.
+        group: 'devices', 'materials' or 'skins'.
+        preset: contents of the preset; its schema is added.
 
     Raises:
-        DermisError: a name without letters or digits, one that a built-in preset has, a preset that does not keep its
-            schema, or a folder that cannot be written.
+        DermisError: the name has no letter or digit, or gives the key of a built-in preset; the preset does not conform
+            to its schema; or the folder cannot be written.
     """
     preset = {"schema": SCHEMAS[group], **preset}
     name = str(preset.get("name", ""))
@@ -60,10 +74,10 @@ def save(library: Library, folder: Path, group: str, preset: Mapping[str, Any]) 
 
 
 def remove(library: Library, group: str, key: str) -> PresetEntry:
-    """Delete a person's own preset; return its contents.
+    """Delete the file of a person's own preset; return the preset's entry.
 
     Raises:
-        DermisError: there is none of that key, it comes with Dermis, or its file cannot be deleted.
+        DermisError: no preset has the key, the preset comes with Dermis, or its file cannot be deleted.
     """
     entry = next((entry for entry in library.list(group) if entry.key == key), None)
     if entry is None:

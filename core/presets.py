@@ -1,7 +1,8 @@
-"""Presets: devices, haptic materials and skins as JSON files with a schema, units and sources.
+"""Presets of devices, haptic materials and skins.
 
-Built-in presets come with this package; a person's own lie in a second folder of the same layout and replace a
-built-in one of the same file stem, which every listing says. A preset that cannot be read is listed with its reason.
+Presets are JSON files with a schema, units and sources. Built-in presets come with this package. A person's own presets
+lie in a second folder with the same layout. Each of them replaces the built-in preset with the same file stem, if there
+is one; listings mark such presets. A preset that cannot be used is listed together with the reason.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from .units import quantity
 
 SCHEMAS = {"devices": DEVICE_SCHEMA, "materials": "dermis-material 1", "skins": "dermis-skin 1"}
 
-# What presets of a group may set; devices are judged by their kind.
+# Parameters that presets of each group may set. `check_device` checks device presets, according to their kind.
 TABLES: Mapping[str, Table] = {"materials": MATERIAL, "skins": SKIN}
 
 
@@ -36,13 +37,13 @@ class PresetEntry:
 
     Attributes:
         key: the file stem, unique within its group.
-        name: for people; the key where the file cannot be read.
-        path: the file.
-        error: why it cannot be used, or None.
-        user: it lies in the person's own folder.
-        overrides: it replaces a built-in preset of the same key.
+        name: name shown to people; the key if the preset cannot be used.
+        path: path of the file.
+        error: reason why the preset cannot be used; None if it can.
+        user: True if the file lies in the person's own folder.
+        overrides: True if the preset replaces a built-in preset of the same key.
         kind: kind of a device, such as 'shear_tactor'; '' for other presets and for files that cannot be used.
-        description: the preset's own description; '' without one.
+        description: description in the preset; '' if it has none.
     """
 
     key: str
@@ -56,10 +57,10 @@ class PresetEntry:
 
 
 class Library:
-    """The presets: the built-in ones, and a person's own.
+    """Library of presets: the built-in ones and a person's own.
 
     Args:
-        user_dir: folder with the person's own presets, laid out like the built-in one; it need not exist.
+        user_dir: folder of the person's own presets, with the layout of the built-in folder; it need not exist.
         built_in: folder of the built-in presets.
 
     >>> from dermis import Library
@@ -82,22 +83,27 @@ class Library:
 
     @property
     def folders(self) -> tuple[Path, ...]:
-        """The folder of the built-in presets and, where there is one, the person's own."""
+        """Folder of the built-in presets, then the person's own if given."""
         return tuple(folder for folder, _ in self._folders)
 
     def list(self, group: str) -> tuple[PresetEntry, ...]:
-        """Return all presets of a group ('devices', 'materials', 'skins'), broken ones too, by key.
+        """Return all presets of a group, in the order of their keys.
+
+        Presets that cannot be used are included.
+
+        Args:
+            group: 'devices', 'materials' or 'skins'.
 
         Raises:
-            DermisError: no such group.
+            DermisError: the group is unknown, or a folder cannot be read.
         """
         return tuple(self._entry(group, files)[0] for files in self._files(group).values())
 
     def load(self, group: str, key: str) -> dict[str, Any]:
-        """Return a preset as it stands in its file.
+        """Return the contents of a preset's file.
 
         Raises:
-            DermisError: no such group or preset, or the preset is broken.
+            DermisError: the group or the preset is unknown, or the preset is broken.
         """
         files = self._files(group)
         if key not in files:
@@ -108,49 +114,57 @@ class Library:
                 limit=", ".join(files) or "none found",
                 remedy="Choose another one, or put the file back",
             )
-        entry, preset = self._entry(group, files[key])  # the others are not even read
+        entry, preset = self._entry(group, files[key])  # reads only this preset's file
         if entry.error is not None:
             raise DermisError(
                 f"the preset is broken: {entry.error.rstrip('.')}",
                 where=str(entry.path),
                 remedy="Correct the file" + (", or delete it to get the built-in one back" if entry.overrides else ""),
             )
-        return json.loads(json.dumps(preset))  # a copy of its own: presets are shared and cached
+        return json.loads(json.dumps(preset))  # a copy, because the read preset is kept
 
     def device(self, key: str) -> DeviceSpec:
-        """Return a device, in SI.
+        """Return the specification of a device, in SI.
 
         Raises:
-            DermisError: no such preset, or it is broken.
+            DermisError: the preset is unknown or broken.
         """
         return from_preset(key, self.load("devices", key))
 
     def device_settings(self, key: str) -> dict[str, Any]:
-        """Return the settings of a finger's device in a person's own preset, in SI; none for a built-in one.
+        """Return the settings in a device preset, by name, in SI.
+
+        They are settings of a device on a finger. A built-in preset has none.
 
         Raises:
-            DermisError: no such preset, or it is broken.
+            DermisError: the preset is unknown or broken.
         """
         return device_settings(key, self.load("devices", key))
 
     def material(self, key: str) -> dict[str, Any]:
-        """Return the parameters of a haptic material, in SI, by the names of `Body.parameters`.
+        """Return the parameters of a haptic material by name, in SI.
+
+        The names are those of `Body.parameters`.
 
         Raises:
-            DermisError: no such preset, or it is broken.
+            DermisError: the preset is unknown or broken.
         """
         return settings("materials", key, self.load("materials", key))
 
     def skin(self, key: str) -> dict[str, Any]:
-        """Return the parameters of a skin, in SI.
+        """Return the parameters of a skin by name, in SI.
 
         Raises:
-            DermisError: no such preset, or it is broken.
+            DermisError: the preset is unknown or broken.
         """
         return settings("skins", key, self.load("skins", key))
 
     def _files(self, group: str) -> Mapping[str, Sequence[tuple[Path, bool]]]:
-        """Return the files of a group by key, a person's own after the built-in one, and whose they are."""
+        """Return the files of each key of a group.
+
+        A file is given by its path, and by True if it lies in the person's own folder. If both folders have a file for
+        a key, the built-in file is first.
+        """
         if group not in SCHEMAS:
             raise DermisError("no such group of presets", value=group, limit=", ".join(SCHEMAS))
         found: dict[str, list[tuple[Path, bool]]] = {}
@@ -161,7 +175,10 @@ class Library:
         return dict(sorted(found.items()))
 
     def _entry(self, group: str, files: Sequence[tuple[Path, bool]]) -> tuple[PresetEntry, dict[str, Any]]:
-        """Read the last of the files of one key, from memory where it did not change."""
+        """Return entry and contents of the last of the files of one key.
+
+        The file is read again only if it has changed.
+        """
         path, user = files[-1]
         entry, preset = self._one(path, group, user)
         return replace(entry, overrides=len(files) > 1), preset
@@ -183,10 +200,12 @@ class Library:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """Read a preset file: UTF-8 JSON, one object, no key twice, numbers finite.
+    """Read a preset's file.
+
+    It must be one JSON object in UTF-8 that follows the rules of `foreign.json_of`.
 
     Raises:
-        DermisError: it is none of that; says at which line where it can.
+        DermisError: the file cannot be read, or breaks one of these rules; for invalid JSON the message gives the line.
     """
     where = str(path)
     preset = read_json(path)
@@ -196,11 +215,16 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def check(group: str, key: str, preset: Mapping[str, Any]) -> None:
-    """Refuse a preset that does not keep its schema.
+    """Refuse a preset that does not conform to its schema.
+
+    Args:
+        group: 'devices', 'materials' or 'skins'.
+        key: key of the preset, for messages.
+        preset: contents of the preset's file.
 
     Raises:
-        DermisError: another or newer schema, no name, a quantity that cannot be used, or a device that its kind
-            cannot be made from.
+        DermisError: the schema is unknown or newer, the name is missing, a parameter cannot be used, or the device
+            cannot be built.
     """
     where = f"{group[:-1]} preset '{key}'"
     known = SCHEMAS[group]
@@ -224,17 +248,28 @@ def check(group: str, key: str, preset: Mapping[str, Any]) -> None:
 
 
 def settings(group: str, key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of a preset that is no device, in SI.
+    """Return the parameters of a material or skin preset by name, in SI.
+
+    Args:
+        group: 'materials' or 'skins'.
+        key: key of the preset, for messages.
+        preset: contents of the preset's file.
 
     Raises:
-        DermisError: an unknown parameter, or a value of another kind or unit than it has, or out of its range.
+        DermisError: a parameter is unknown, or its value has the wrong type or unit, or is out of range.
     """
     where = f"{group[:-1]} preset '{key}'"
     return _read(_group(preset, "parameters", where), TABLES[group], where)
 
 
 def device_settings(key: str, preset: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a device preset's settings of a finger's device, in SI.
+    """Return the settings in a device preset, by name, in SI.
+
+    They are settings of a device on a finger. Only a person's own presets have them.
+
+    Args:
+        key: key of the preset, for messages.
+        preset: contents of the preset's file.
 
     Raises:
         DermisError: see `settings`.

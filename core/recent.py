@@ -1,4 +1,4 @@
-"""Recent: the last few things that took long to make."""
+"""Recent: a dictionary of a few recent values that took long to make."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ V = TypeVar("V")
 
 
 class Recent(dict[K, V]):
-    """Values by key; where there are too many, the one that was asked for longest ago makes room.
+    """Dictionary of limited size.
+
+    The value that was used longest ago makes room for a new one.
 
     >>> squares = Recent(2)
     >>> [squares.make(n, lambda: print("made") or n * n) for n in (3, 3)]
@@ -18,7 +20,7 @@ class Recent(dict[K, V]):
     [9, 9]
 
     Args:
-        size: how many are kept.
+        size: largest number of values.
     """
 
     def __init__(self, size: int) -> None:
@@ -26,14 +28,20 @@ class Recent(dict[K, V]):
         self.size = size
 
     def make(self, key: K, build: Callable[[], V]) -> V:
-        """Return the value of a key, built where it is not kept; room is made before that, since values may be large.
+        """Return the value of a key; build and keep the value if there is none.
+
+        Room is made before the value is built, because values may be large.
+
+        Args:
+            key: key of the value.
+            build: function that returns the value.
 
         Raises:
-            Exception: whatever `build` raises; then nothing is kept under the key.
+            Exception: `build` raised it; then no value is kept under the key.
         """
         if key in self:
             value = self[key]
-            self.pop(key, None)  # another thread may have asked at the same time
+            self.pop(key, None)  # None, because another thread may have removed the key just now
         else:
             while len(self) >= self.size:
                 self.pop(next(iter(self)), None)

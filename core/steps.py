@@ -1,4 +1,4 @@
-"""Long work is a generator that yields its progress and returns its result: run to its end, or with other words."""
+"""Long work as generators that yield progress and return a result."""
 
 from __future__ import annotations
 
@@ -12,7 +12,12 @@ Made = TypeVar("Made")
 
 
 def drain(steps: Generator[Step, None, Made], tell: Callable[[Step], object] | None = None) -> Made:
-    """Run some work to its end and return its result; `tell` is given each step."""
+    """Run work to its end and return its result.
+
+    Args:
+        steps: the work.
+        tell: function that is called with each step of progress; None for none.
+    """
     while True:
         try:
             step = next(steps)
@@ -23,7 +28,14 @@ def drain(steps: Generator[Step, None, Made], tell: Callable[[Step], object] | N
 
 
 def in_words(steps: Generator[Step, None, Made], words: Callable[[Step], Other]) -> Generator[Other, None, Made]:
-    """Do some work, each of whose steps is told in other words; closing it closes the work."""
+    """Return the same work with its steps of progress converted.
+
+    If the returned generator is closed, the work is closed.
+
+    Args:
+        steps: the work.
+        words: function that converts a step.
+    """
     with closing(steps):
         while True:
             try:

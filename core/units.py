@@ -1,4 +1,7 @@
-"""Units at the edges: presets, files and panels speak mm and degrees, the engine speaks SI."""
+"""Units of presets, files and panels, and their conversion to SI.
+
+The engine computes in SI. Presets, files and panels also use units such as mm and degrees.
+"""
 
 from __future__ import annotations
 
@@ -63,6 +66,11 @@ UNITS: dict[str, tuple[str, float]] = {
 def to_si(value: Any, unit: str, *, where: str = "") -> Any:
     """Convert a number, or a (nested) list of numbers, from `unit` to SI.
 
+    Args:
+        value: the number or list.
+        unit: a key of `UNITS`.
+        where: name of the quantity, for the message.
+
     Raises:
         DermisError: the unit is unknown.
     """
@@ -75,17 +83,26 @@ def to_si(value: Any, unit: str, *, where: str = "") -> Any:
 
 
 def from_si(value: Any, unit: str) -> Any:
-    """Convert a number or an array from SI to `unit`."""
+    """Convert a number or an array from SI to `unit`, a key of `UNITS`.
+
+    Raises:
+        DermisError: the unit is unknown.
+    """
     if unit not in UNITS:
         raise DermisError("unknown unit", value=unit, limit=", ".join(UNITS))
     return value / UNITS[unit][1]
 
 
 def quantity(field: Mapping[str, Any] | float | int, *, where: str = "") -> Any:
-    """Read a preset's quantity, `{"value": 5, "unit": "mm", "source": ...}` or a bare number, in SI.
+    """Return a quantity of a preset in SI.
+
+    Args:
+        field: `{"value": 5, "unit": "mm", "source": ...}`, or a number without unit. The value may be a nested list of
+            numbers.
+        where: name of the quantity, for the message.
 
     Raises:
-        DermisError: no value, an unknown unit, or a number that is not finite.
+        DermisError: the value or the unit is missing, the unit is unknown, or a number is not finite.
     """
     if not isinstance(field, Mapping):
         field = {"value": field, "unit": "1"}
@@ -106,14 +123,17 @@ def quantity(field: Mapping[str, Any] | float | int, *, where: str = "") -> Any:
 
 
 def setting(field: Any, *, where: str = "") -> Any:
-    """Read a preset's setting: texts, switches and lists of texts as they are, quantities in SI; see `quantity`."""
+    """Return a setting of a preset.
+
+    Texts, switches and lists of texts are returned unchanged, all other fields as `quantity` returns them.
+    """
     if isinstance(field, str | bool) or (isinstance(field, list) and all(isinstance(v, str) for v in field)):
         return field
     return quantity(field, where=where)
 
 
 def finite(number: float) -> bool:
-    """Return whether a number is finite and has its place among floats."""
+    """Return whether a number is finite and within the range of floats."""
     try:
         return math.isfinite(number)
     except OverflowError:  # an integer of hundreds of digits

@@ -1,4 +1,7 @@
-"""The product's version, read from the one place that states it: the add-on's manifest; and the engine's number."""
+"""Version of the product and number of the engine.
+
+The version is read from the add-on's manifest.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +9,18 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-# Raised wherever the same scene gives other commands than before, beyond rounding: `tests/unit/test_engine.py` notices.
-# Bakes of another engine are kept by nobody's cache, and their tracks say which engine made them.
+# Number of the engine, which is raised whenever the commands for a scene change by more than rounding.
+# `tests/unit/test_engine.py` notices such a change. A cached bake of another engine is not used, and tracks name the
+# engine that made them.
 ENGINE = 3
 
 
 @cache
 def version() -> str:
-    """Return the version of this copy of Dermis: in the source tree, in the installed extension, and from a wheel.
+    """Return the version of this copy of Dermis.
 
-    pip asks here too when it builds one, and writes the answer into the wheel's metadata.
+    The copy may be a source tree, an installed extension or an installed wheel. When pip builds a wheel, it calls this
+    function and writes the version into the wheel's metadata.
     """
     above = Path(__file__).resolve().parents[1]
     for manifest in (above / "blender_manifest.toml", above / "blender_addon" / "blender_manifest.toml"):
@@ -30,7 +35,7 @@ def version() -> str:
 
 
 def made_by() -> str:
-    """Return the maker that tracks and bakes name: version and engine.
+    """Return the version and engine that tracks and bakes store, as text.
 
     >>> made_by().startswith("dermis ") and made_by().endswith(f" engine {ENGINE}")
     True

@@ -33,7 +33,8 @@ LIBRARIES = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit status.
 
-    The status is 0 for success, 1 if a finding has the severity error, 2 if the verb was refused, and 130 after Ctrl-C.
+    The status is that of the verb: 0 for success, and for most verbs 1 if a finding has the severity error. It is 2 if
+    the verb was refused, and 130 after Ctrl-C.
 
     Args:
         arguments: arguments of the command line; None for those of this process.

@@ -1,1 +1,5 @@
-"""The command line: `verbs.py` has the parser; the functions of verbs stand in one file per kind of input."""
+"""The command line of the engine.
+
+`verbs.py` has the parser. The modules `*_verbs.py` have the arguments of the verbs, and the other modules the functions
+that run them.
+"""

@@ -1,4 +1,7 @@
-"""`python -m core thimble adapt`: learn the effect of a thimble on fingers, side by side."""
+"""`python -m core thimble adapt`: learn a thimble's effect on fingers.
+
+Several fingers are learned in parallel.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +22,15 @@ from .workers import executor_of, tell_unlike
 
 
 def run(options: argparse.Namespace) -> int:
-    """Learn a surrogate for each skin and write it; return 1 where a skin was refused, 2 where all were."""
+    """Learn a surrogate for each skin, and write it; return the exit status.
+
+    The status is 0, 1 if some skins were refused, and 2 if all were.
+    """
     library = Library(options.presets)
     more = {} if options.movements is None else {"trajectories": options.movements}
     device = {"device": library.load("devices", options.device), "device_key": options.device}
     how = {**device, "level": options.level, "tissue": options.tissue, **more}
-    skins = {skin: library.skin(skin) for skin in options.skin}  # all are read before the first is begun
+    skins = {skin: library.skin(skin) for skin in options.skin}  # all are read before any is learned
     refused = 0
     with executor_of(options) as executor:
         every = {skin: executor.submit("adapt", {}, {**how, "skin": values}) for skin, values in skins.items()}
@@ -47,7 +53,10 @@ def _share(future: JobFuture) -> float:
 
 
 def _told(skin: str, future: JobFuture, folder: Path) -> bool:
-    """Write the learned model and print its error; return False, and print the reason, where it was refused."""
+    """Write the learned model of a skin and print its errors.
+
+    If the skin was refused, print the reason. Return whether a model was written.
+    """
     try:
         made = future.result()
     except DermisError as error:

@@ -1,4 +1,7 @@
-"""Arguments of verbs, one row each; those that several verbs take stand here."""
+"""Arguments of verbs: their type, readers of values, and shared arguments.
+
+The arguments that only one verb takes are defined with that verb.
+"""
 
 from __future__ import annotations
 
@@ -16,19 +19,24 @@ from ..track.formats import FORMATS
 
 
 class Argument(NamedTuple):
-    """What `ArgumentParser.add_argument` takes."""
+    """Names and keywords for `ArgumentParser.add_argument`."""
 
     names: tuple[str, ...]
     settings: dict[str, Any]
 
 
 def argument(*names: str, **settings: Any) -> Argument:
-    """Return an argument; parameters are those of `ArgumentParser.add_argument`."""
+    """Return an argument from the parameters of `add_argument`."""
     return Argument(names, settings)
 
 
 def switch(name: str, text: str) -> Argument:
-    """Return an option that is there or not."""
+    """Return an option without a value, which is True if it is given.
+
+    Args:
+        name: name of the option, with its dashes.
+        text: help text.
+    """
     return argument(name, action="store_true", help=text)
 
 
@@ -37,9 +45,11 @@ def add_verb(verbs: Any, name: str, *arguments: Argument, run: Any, **more: Any)
 
     Args:
         verbs: the object that `ArgumentParser.add_subparsers` returned.
-        run: function of the verb; the options hold it.
-        more: keywords of `add_parser`, such as help; and `writes`, the options that name files (False) or folders
-            (True) to write.
+        name: name of the verb.
+        arguments: arguments of the verb.
+        run: dotted name, below `core`, of the function that runs the verb. The parsed options hold it as `run`.
+        more: keywords of `add_parser`, such as help; also `writes`, the names of options that are paths to write, each
+            with True for a folder and False for a file. The parsed options hold `writes`, too.
     """
     writes = more.pop("writes", {})
     parser = verbs.add_parser(name, **more)
@@ -49,7 +59,11 @@ def add_verb(verbs: Any, name: str, *arguments: Argument, run: Any, **more: Any)
 
 
 def number(text: str) -> float:
-    """Read a number."""
+    """Read a number.
+
+    Raises:
+        argparse.ArgumentTypeError: the text is no number.
+    """
     try:
         return float(text)
     except ValueError as error:
@@ -57,7 +71,11 @@ def number(text: str) -> float:
 
 
 def angle(text: str) -> float:
-    """Read an angle between faces [degrees]."""
+    """Read an angle between two faces [degrees], 0 to 180.
+
+    Raises:
+        argparse.ArgumentTypeError: the text is no such angle.
+    """
     value = number(text)
     if not 0.0 <= value <= 180.0:
         raise argparse.ArgumentTypeError(f"{text} is not allowed: 0 to 180 degrees")
@@ -65,7 +83,11 @@ def angle(text: str) -> float:
 
 
 def share(text: str) -> float:
-    """Read a share, 0 to 1."""
+    """Read a share, 0 to 1.
+
+    Raises:
+        argparse.ArgumentTypeError: the text is no such number.
+    """
     value = number(text)
     if not 0.0 <= value <= 1.0:
         raise argparse.ArgumentTypeError(f"{text} is not allowed: 0 to 1")
@@ -73,7 +95,11 @@ def share(text: str) -> float:
 
 
 def seconds(text: str) -> float:
-    """Read a length of time [s]."""
+    """Read a duration [s], 0 to 1e6.
+
+    Raises:
+        argparse.ArgumentTypeError: the text is no such number.
+    """
     value = number(text)
     if not 0.0 <= value <= 1e6:
         raise argparse.ArgumentTypeError(f"{text} is not allowed: 0 to 1e6 s")
@@ -81,16 +107,26 @@ def seconds(text: str) -> float:
 
 
 def setting(name: str) -> Argument:
-    """Return the option for a number of `STREAM`, in the unit of Blender's window."""
+    """Return the option for a numeric parameter of `STREAM`.
+
+    A person gives the value in the unit that Blender's panels show. The parsed value is in SI.
+
+    Args:
+        name: name of the parameter.
+    """
     row = STREAM[name]
     return _number_of(row, row.name, row.default)
 
 
 def settings_of(form: str, texts: Mapping[str, str] = MappingProxyType({})) -> tuple[Argument, ...]:
-    """Return the options for the settings of a format, `--FORMAT-NAME`; None where they are left out.
+    """Return the options for the settings of a format, `--FORMAT-NAME`.
+
+    The value of an option that is not given is None.
 
     Args:
-        texts: help on settings that mean something else to this verb than to a file, by name.
+        form: name of the format.
+        texts: help texts, by name of the setting, for settings whose meaning to the verb differs from their meaning in
+            a file.
     """
     made = []
     for row in FORMATS[form].settings.values():
@@ -119,7 +155,11 @@ def _number_of(row: Parameter, name: str, default: float | None, text: str = "")
 
 
 def span(text: str) -> tuple[float, float]:
-    """Read a stretch of time, 'FROM:TO' [s]."""
+    """Read the start and the end of a time span, 'FROM:TO' [s].
+
+    Raises:
+        argparse.ArgumentTypeError: the text has another form, FROM is below 0, or TO is not above FROM.
+    """
     first, colon, last = text.partition(":")
     ends = number(first), number(last if colon else first)
     if not colon or not 0.0 <= ends[0] < ends[1] < float("inf"):
@@ -128,7 +168,11 @@ def span(text: str) -> tuple[float, float]:
 
 
 def row_numbers(text: str) -> tuple[int, ...]:
-    """Read numbers of rows from 1, '1,5,20-30'."""
+    """Read row numbers, which count from 1, such as '1,5,20-30'.
+
+    Raises:
+        argparse.ArgumentTypeError: the text has another form.
+    """
     rows: list[int] = []
     for part in text.split(","):
         first, dash, last = part.partition("-")
@@ -188,7 +232,12 @@ SPEAKS = (
 
 
 def device(left_out: str, default: str = "") -> tuple[Argument, ...]:
-    """Return the options that choose the device; `left_out`: the choice without them."""
+    """Return the options --device, --protocol and --presets.
+
+    Args:
+        left_out: words for the device that is used if --device is left out, for the help.
+        default: value of --device if it is left out.
+    """
     return argument("--device", default=default, metavar="KEY", help=f"device preset; {left_out} if left out"), *SPEAKS
 
 

@@ -1,4 +1,7 @@
-"""`python -m core collect`: a look-up table from the built device, with the sensor in it."""
+"""`python -m core collect`: a look-up table from a built device.
+
+The sensor is in the device, in place of a finger.
+"""
 
 from __future__ import annotations
 
@@ -30,14 +33,17 @@ from ..stream.local_stream import say
 from ..stream.sensor_input import sensor_input, simulated_sensor
 from ..stream.signals import Interrupted, Signals
 
-VIRTUAL = "virtual:"
-ELECTRODES = (*(f"e{i + 1}" for i in range(19)), "pressure")
-REST = -1  # number of the row that holds the sensor's rest among the rows read so far
-DRIFTED = 0.1  # of the touch: rows that differ by more when they are read again are worth a word
+VIRTUAL = "virtual:"  # value of --sensor, and beginning of --url, for a simulated sensor and device
+ELECTRODES = (*(f"e{i + 1}" for i in range(19)), "pressure")  # channels of the simulated sensor
+REST = -1  # row number of the sensor's rest in the file of an unfinished collection
+DRIFTED = 0.1  # share of the RMS touch; a larger RMS change of rows that are read again gives a warning
 
 
 def run(options: argparse.Namespace) -> int:
-    """Collect a table, or go on with one; return 0, or 128 and a signal's number."""
+    """Collect a table, or continue an unfinished one; return the exit status.
+
+    The status is 0, or 128 plus the number of the signal that ended the collection.
+    """
     spec = Library(options.presets).device(options.device)
     refuse_coupled(spec)
     home = mechanism(spec).rest
@@ -114,14 +120,25 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _pose(session: Any, spec: DeviceSpec) -> Array | None:
-    """Return where a virtual device is, by its motors."""
+    """Return the positions of a virtual device's motors.
+
+    They are in the order and the units of the device's channels, shape (channels,). The result is None if the
+    device is not connected, or has not reported them.
+    """
     connection = session.streamer.connection
     values = connection.link.report().get("values") if connection is not None else None
     return None if not values else np.array([values[c.name] for c in spec.channels])
 
 
 def _names(text: str) -> tuple[str, ...]:
-    """Return the names of a sensor's channels: as given, or c1, c2 ... of a number."""
+    """Return the names of a sensor's channels.
+
+    Args:
+        text: the names, separated by commas; or the number of channels, which are then called c1, c2 ...
+
+    Raises:
+        DermisError: two names are equal, or a name is empty.
+    """
     if text.isdigit() and int(text) > 0:
         return tuple(f"c{i + 1}" for i in range(int(text)))
     names = tuple(name.strip() for name in text.split(","))
@@ -147,13 +164,37 @@ def _limits(given: Sequence[str], names: Sequence[str]) -> dict[int, float]:
 
 
 def _part(out: Path, spec: DeviceSpec, commands: Array, names: Sequence[str], settle: float, average: float) -> Path:
-    """Return the file of rows read so far: another device, sweep, sensor or way of reading has another one."""
+    """Return the path of the file with the rows of an unfinished collection.
+
+    The path depends on the device, its commands, the sensor's channels and the times of reading. A collection that
+    differs in any of these therefore has another file.
+
+    Args:
+        out: path of the table that is collected.
+        spec: specification of the device.
+        commands: all commands of the collection, shape (rows, motors).
+        names: names of the sensor's channels.
+        settle: time for which a pose is held before it is read [s].
+        average: time over which a pose is read [s].
+    """
     parts = (spec.hash.encode(), commands.tobytes(), ",".join(names).encode(), f"{settle!r} {average!r}".encode())
     return out.with_name(f"{out.stem}.{hashlib.sha256(b'|'.join(parts)).hexdigest()[:12]}.part.csv")
 
 
 def _read(part: Path, count: int, names: Sequence[str]) -> tuple[list[Collected], Array | None]:
-    """Read the rows of an earlier run and the sensor's rest in it; none where there was none."""
+    """Return the rows of an unfinished collection, and the sensor's rest.
+
+    The rest is that which the interrupted run measured, shape (channels,). Without a file there are no rows, and the
+    rest is None.
+
+    Args:
+        part: path of the file, see `_part`.
+        count: number of commands of the collection; rows of other numbers are left out.
+        names: names of the sensor's channels.
+
+    Raises:
+        DermisError: the file is damaged, or has other columns.
+    """
     if not part.exists():
         return [], None
     rows = read_rows(part)
@@ -173,7 +214,11 @@ def _write_part(part: Path, rows: Sequence[Collected], rest: Array, names: Seque
 
 
 def _drift(found: Sequence[Collected], rest: Array) -> Array:
-    """Return how far each row was that was read again, and how strong its touch is, shape (repetitions, 2)."""
+    """Return the change and the touch of each row that was read again.
+
+    The change is the norm, over the channels, of the second reading minus the first. The touch is the norm of the first
+    reading minus the rest. The shape is (repetitions, 2).
+    """
     first = {item.row: item.reading for item in found if not item.again}
     again = [item for item in found if item.again]
     off = [(r.reading - first[r.row], first[r.row] - rest) for r in again]
@@ -205,7 +250,19 @@ def _write_table(
     names: Sequence[str],
     drift: Array,
 ) -> None:
-    """Write the table, its rest row first."""
+    """Write the table as CSV, with a comment on the drift.
+
+    The row of rest is the first one.
+
+    Args:
+        out: path of the file.
+        spec: specification of the device.
+        commands: commands of rest and of all rows, shape (1 + rows, motors).
+        rest: readings at rest, shape (channels,).
+        found: the rows that were read.
+        names: names of the sensor's channels.
+        drift: see `_drift`.
+    """
     first = {item.row: item.reading for item in found if not item.again}
     readings = np.vstack([rest, *(first[row] for row in range(len(commands) - 1))])
     lines = [f"# collected with {spec.key}: {_words(drift)}"]

@@ -1,4 +1,4 @@
-"""`python -m core design`: how many motors do these touches need?"""
+"""`python -m core design`: the number of motors that given touches need."""
 
 from __future__ import annotations
 
@@ -31,7 +31,11 @@ from .workers import executor_of, tell_unlike
 
 
 def run(options: argparse.Namespace) -> int:
-    """Collect or read the table, sense the touches, and report."""
+    """Find the number of motors that the touches need, and report it.
+
+    The table of the device is computed or read first. Then the touches are sensed, or read from recordings. Return the
+    exit status.
+    """
     library = Library(options.presets)
     spec = library.device(options.device)
     refuse_coupled(spec)
@@ -116,7 +120,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _refuse_nonsense(options: argparse.Namespace, motors: int) -> None:
-    """Refuse arguments that cannot be meant."""
+    """Refuse values of options that are out of range or contradict each other.
+
+    Args:
+        options: the options.
+        motors: number of motors of the device.
+    """
     if not options.touches and options.trial is None and options.save_table is None:
         raise DermisError("nothing to do", where="design", limit="a touch, --trial or --save-table")
     for name, least in (("rows", 0), ("seed", 0), ("trial", 1), ("finger", 0), ("motors", 1)):
@@ -146,7 +155,13 @@ def _refuse_nonsense(options: argparse.Namespace, motors: int) -> None:
 
 
 def _read(options: argparse.Namespace) -> tuple[dict[str, dict[str, Any]], dict[str, TactileScene]]:
-    """Read the touches that are files, by their names on the command line: recordings and scenes."""
+    """Return the recordings and the scenes of the touches that are files.
+
+    Both are keyed by the touches' names on the command line.
+
+    Raises:
+        DermisError: a file cannot be read, or two touches have the same name.
+    """
     recordings: dict[str, dict[str, Any]] = {}
     scenes: dict[str, TactileScene] = {}
     for touch in options.touches:
@@ -165,10 +180,12 @@ def _read(options: argparse.Namespace) -> tuple[dict[str, dict[str, Any]], dict[
 
 
 def _tissue(options: argparse.Namespace, scenes: Mapping[str, TactileScene]) -> str:
-    """Return the tissue of the skin: of --tissue, or that of the scenes' finger; linear where nobody says.
+    """Return the tissue of the skin.
+
+    It is that of --tissue, else that of the scenes, else linear. The tissue of a scene is that of the finger --finger.
 
     Raises:
-        DermisError: fingers of different tissues, another tissue than --tissue names, or an unknown one.
+        DermisError: the tissue of a finger is unknown, or differs from --tissue or from that of another scene.
     """
     row = SKIN_CONTACT["tissue"]
     chosen, whose = options.tissue, "--tissue"
@@ -190,10 +207,13 @@ def _tissue(options: argparse.Namespace, scenes: Mapping[str, TactileScene]) -> 
 
 
 def _skin(options: argparse.Namespace, library: Any, scenes: Mapping[str, TactileScene]) -> dict[str, Any]:
-    """Return the skin's parameters: of --skin, or those that the scenes' finger has.
+    """Return the parameters of the skin.
+
+    They are those of --skin, else those of the scenes, else those of the default skin. The skin of a scene is that of
+    the finger --finger.
 
     Raises:
-        DermisError: fingers of different skins, or another skin than --skin names.
+        DermisError: the skin of a finger differs from --skin or from that of another scene.
     """
     wanted = None if options.skin is None else dict(library.skin(options.skin))
     chosen, whose = wanted, "--skin"
@@ -214,7 +234,13 @@ def _skin(options: argparse.Namespace, library: Any, scenes: Mapping[str, Tactil
 
 
 def _trial(options: argparse.Namespace, table: Any, skin: Any) -> int:
-    """Judge the six interactions over seeds; print every exception."""
+    """Evaluate the six interactions for several seeds; print every exception.
+
+    Args:
+        options: the options; `trial` is the number of seeds.
+        table: the look-up table of the device.
+        skin: model of the skin.
+    """
     steps = trial([table], skin, range(options.trial))
     (verdicts,) = drain_shown(in_words(steps, lambda step: task.Step("trial", *step)), quiet=options.quiet)
     for name in NAMES:

@@ -1,4 +1,4 @@
-"""The verb `design`: how many motors a device needs."""
+"""Arguments of the verb `design`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .arguments import LEVEL, PRESETS, QUIET, REST, WORKERS, add_verb, argument,
 
 
 def add_designs(verbs: Any) -> None:
-    """Add the verbs to a command line."""
+    """Add the verb `design` to a command line."""
     add_verb(
         verbs,
         "design",

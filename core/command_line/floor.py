@@ -1,4 +1,7 @@
-"""`python -m core floor`: how good any pose of a device could be for a touch, and what lateral axes would buy."""
+"""`python -m core floor`: the errors of the best poses of a device.
+
+They are the errors of the best poses that a search finds for a touch, also with additional axes along the pad.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,10 @@ from .messages import drain_shown, tell
 
 
 def floor(options: argparse.Namespace) -> int:
-    """Find and print the floor of one finger's device; write it where a file is named."""
+    """Print the errors of a device, and of its best poses, for one finger.
+
+    Write them to --out if it is given, and return the exit status.
+    """
     scene, library = scene_file.load(options.scene), Library(options.presets)
     if not 0 <= options.finger < len(scene.fingers):
         raise DermisError(

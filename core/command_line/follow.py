@@ -1,4 +1,8 @@
-"""`python -m core follow`, `stream follow` and `validate`: a device follows a sensor, and how well it did."""
+"""`python -m core follow`, `stream follow` and `validate`.
+
+`follow` makes a track from a recording of a sensor, and `stream follow` lets a device follow a sensor live. `validate`
+compares the readings of a played track with their target.
+"""
 
 from __future__ import annotations
 
@@ -29,12 +33,14 @@ from ..stream.signals import Interrupted, Signals
 from ..track import csv, export
 from . import thimble
 
-CLOUD = 4000  # dots of a picture
-RATE = 500.0  # [Hz] of commands, so that a reading waits for at most 2 ms; a link that carries less says so
+CLOUD = 4000  # most rows of the table that are drawn as dots
+# [Hz] Default rate of live commands, unless the device's own rate is higher. A reading then waits for at most 2 ms. A
+# link that is too slow for the rate is reported.
+RATE = 500.0
 
 
 def run(options: argparse.Namespace) -> int:
-    """Follow a recording and write the track."""
+    """Write a track that follows a recording; return the exit status."""
     if options.noise is not None and not 0.0 <= options.noise < float("inf"):
         raise DermisError("noise is a standard deviation", where="--noise", value=options.noise, limit=">= 0")
     for out in (options.out, options.plot):
@@ -63,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _draw(found: Followed, path: Path) -> None:
-    """Draw the track; samples that are touched are shaded."""
+    """Draw the track; samples with a touch are shaded."""
     write = {".svg": plot_track.write_svg, ".png": plot_track.write_png}.get(path.suffix.lower())
     if write is None:
         raise DermisError("unknown kind of picture", where=str(path), value=path.suffix, limit=".png, .svg")
@@ -78,7 +84,10 @@ def _refuse(options: argparse.Namespace, names: tuple[str, ...], why: str) -> No
 
 
 def validate(options: argparse.Namespace) -> int:
-    """Compare the readings of a played track with their target; print and write the result."""
+    """Compare the readings of a played track with their target.
+
+    Print the result, write it if --out is given, and return the exit status.
+    """
     track = export.read(options.track)
     spec = track.spec
     table = table_of(spec, options.table, options.rest_rows)
@@ -96,7 +105,11 @@ def validate(options: argparse.Namespace) -> int:
 
 
 def _draw_components(found: playback.Playback, table: SkinTable, spec: DeviceSpec, path: Path) -> None:
-    """Draw target, estimate and measurement in three components, among the rows of the table."""
+    """Draw target, estimate and measurement in three components of readings.
+
+    The rows of the table are drawn with them, as dots. The colour of a dot shows the commands of the first three
+    motors.
+    """
     three = [np.pad(own, ((0, 0), (0, 3 - own.shape[1]))) for own in found.series().values()]
     cloud = (table.exact_readings - found.rest) @ found.directions
     some = np.linspace(0, len(cloud) - 1, min(len(cloud), CLOUD)).astype(int)
@@ -114,12 +127,13 @@ def _draw_components(found: playback.Playback, table: SkinTable, spec: DeviceSpe
 
 
 def live(options: argparse.Namespace) -> int:
-    """Follow a sensor live until a signal or the end of its readings; the device's safe state last.
+    """Let a device follow a sensor live, until a signal or the last reading.
 
-    Returns 0, or 1 where the log is not whole.
+    At the end the device goes to its safe state. Return the exit status: 0, or 1 if the log is incomplete.
 
     Raises:
-        DermisError: a table, device, link or sensor that cannot be used; says which.
+        DermisError: the table, device, link or sensor cannot be used, no readings come, or the device may not be in its
+            safe state.
     """
     if options.sensor == "-" and not options.yes:
         raise DermisError(
@@ -153,7 +167,7 @@ def live(options: argparse.Namespace) -> int:
         finally:
             session.shut()
             sensor.close()
-            with contextlib.suppress(OSError):  # a terminal that hung up reads no more
+            with contextlib.suppress(OSError):  # a closed terminal takes no output
                 print(session.summary())
     if session.unsure:
         raise session.refusal("the safe state could not be confirmed")
@@ -163,7 +177,11 @@ def live(options: argparse.Namespace) -> int:
 def _rested(
     session: SensorSession, spec: DeviceSpec, table: SkinTable, options: argparse.Namespace
 ) -> tuple[Follower, Array | float]:
-    """Measure rest and noise of the untouched sensor; return its follower, and the offset of its readings."""
+    """Return the follower of a sensor, and the offset to add to its readings.
+
+    The offset, shape (channels,), moves the rest of the untouched sensor to that of the table. Rest and noise are
+    measured during the time --rest-for. If that is 0, the offset is 0, and so is the noise unless --noise is given.
+    """
     if not options.rest_for:
         return Follower(spec, table, options.noise or 0.0), 0.0
     say(f"Do not touch the sensor: its readings at rest are measured for {options.rest_for:g} s.")

@@ -1,4 +1,4 @@
-"""Messages of verbs: progress, findings, and the exit status that these ask for."""
+"""Messages of verbs: progress and findings, with the exit status."""
 
 from __future__ import annotations
 
@@ -9,13 +9,20 @@ from typing import Any, TextIO, TypeVar
 from ..errors import SEVERITIES, Finding, worst
 from ..steps import drain
 
-FAILED, REFUSED = 1, 2  # findings of severity error; nothing could be done
+# Exit statuses. FAILED: a finding has the severity error. REFUSED: nothing could be done.
+FAILED, REFUSED = 1, 2
 
 Made = TypeVar("Made")
 
 
 def drain_shown(steps: Generator[Any, None, Made], *, quiet: bool) -> Made:
-    """Run work to its end and return its result; show each tenth of a stage once, on standard error, unless quiet."""
+    """Run work to its end, print its progress, and return its result.
+
+    Args:
+        steps: the work, whose steps have `stage`, `done` and `total`. A line is printed on standard error for each
+            tenth of a stage.
+        quiet: True to print no progress.
+    """
     shown: tuple[Any, int] = ("", -1)
 
     def show(step: Any) -> None:
@@ -29,7 +36,10 @@ def drain_shown(steps: Generator[Any, None, Made], *, quiet: bool) -> Made:
 
 
 def tell(findings: Sequence[Finding], stream: TextIO) -> int:
-    """Print findings, the worst first; return the exit status that they ask for."""
+    """Print findings, the worst first; return the exit status.
+
+    The status is `FAILED` if a finding has the severity error, else 0.
+    """
     for finding in sorted(findings, key=lambda f: -SEVERITIES.index(f.severity)):
         print(finding, file=stream)
     return FAILED if worst(findings) == "error" else 0

@@ -1,4 +1,4 @@
-"""Verbs that take sampled scenes: rendered, curved, compared, trusted, and how good any pose could be."""
+"""Arguments of the verbs that read sampled scenes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .arguments import MAPS, PRESETS, QUIET, SCENE, SCENES, THIMBLE, WORKERS, ad
 
 
 def add_scenes(verbs: Any) -> None:
-    """Add the verbs to a command line."""
+    """Add the verbs that read sampled scenes to a command line."""
     add_verb(
         verbs,
         "render",

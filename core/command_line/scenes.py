@@ -1,4 +1,7 @@
-"""`python -m core render | curve | compare | trust | migrate-report`: verbs that read sampled scenes."""
+"""`python -m core render | curve | compare | trust | migrate-report`.
+
+These verbs read sampled scenes.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,10 @@ from .workers import executor_of, tell_unlike
 
 
 def render(options: argparse.Namespace) -> int:
-    """Render sampled scenes and write their tracks: one with its fingers side by side, several side by side."""
+    """Render sampled scenes and write their tracks; return the exit status.
+
+    The fingers of one scene, or several scenes, are rendered in parallel.
+    """
     wanted = shot.Wanted(options.plots, options.maps, tuple(options.format), options.force)
     library = Library(options.presets)
     with executor_of(options) as executor:
@@ -40,7 +46,11 @@ def render(options: argparse.Namespace) -> int:
 
 
 def _several(options: argparse.Namespace, library: Library, wanted: shot.Wanted, executor: JobExecutor) -> int:
-    """Render scenes, each into a folder named like its file; report the result of each."""
+    """Render scenes in parallel, and report the result of each.
+
+    The tracks of a scene are written to a folder with the name of its file. Return the exit status: `REFUSED` if all
+    scenes were refused, and at least `FAILED` if some were.
+    """
     status = refused = 0
     for step in shots.render_shots(options.scene, library, options.out, wanted, executor):
         if isinstance(step, Progress):
@@ -58,7 +68,10 @@ def _several(options: argparse.Namespace, library: Library, wanted: shot.Wanted,
 
 
 def _told(made: shot.Shot, paths: Sequence[Path], *, quiet: bool) -> int:
-    """Print written files, refusals, skipped work and findings; return the exit status."""
+    """Print written files, errors, skipped work and findings of a scene.
+
+    Return the exit status.
+    """
     for path in paths:
         print(path)
     for line in made.refused:
@@ -69,7 +82,7 @@ def _told(made: shot.Shot, paths: Sequence[Path], *, quiet: bool) -> int:
 
 
 def curve(options: argparse.Namespace) -> int:
-    """Write a sampled scene with its objects' faces curved."""
+    """Write a sampled scene with curved faces; return the exit status."""
     scene = scene_file.load(options.scene)
     if options.out.resolve() == options.scene.resolve():
         raise DermisError("the scene would replace itself", where=str(options.out), remedy="Choose another file")
@@ -82,7 +95,10 @@ def curve(options: argparse.Namespace) -> int:
 
 
 def compare(options: argparse.Namespace) -> int:
-    """Say how far each matching method of a pin array would miss for a sampled scene, or compare all devices."""
+    """Print the errors of all matching methods of pin arrays for a scene.
+
+    With --out, compare all devices for one finger instead. Return the exit status.
+    """
     scene, library = scene_file.load(options.scene), Library(options.presets)
     if options.out is not None:
         return _devices(options, scene, library)
@@ -94,7 +110,10 @@ def compare(options: argparse.Namespace) -> int:
 
 
 def trust(options: argparse.Namespace) -> int:
-    """Say how much the forces and commands of a sampled scene change where the scene hardly does."""
+    """Print the changes of forces and commands under small changes of a scene.
+
+    Return the exit status.
+    """
     scene, library = scene_file.load(options.scene), Library(options.presets)
     _, bands = drain_shown(trust_band.trust_bands(scene, library), quiet=options.quiet)
     print(trust_band.table(bands))
@@ -105,7 +124,10 @@ def trust(options: argparse.Namespace) -> int:
 
 
 def _devices(options: argparse.Namespace, scene: TactileScene, library: Library) -> int:
-    """Send a finger's touch through every device that fits; write the table and the page."""
+    """Compare all devices that can render a finger's touch.
+
+    Print the comparison, write it as a table and a page, and return the exit status.
+    """
     if options.finer:
         raise DermisError("a finer mesh judges methods, not devices", value=options.finer, remedy="Leave out --finer")
     found = drain_shown(
@@ -118,7 +140,10 @@ def _devices(options: argparse.Namespace, scene: TactileScene, library: Library)
 
 
 def migrate_report(options: argparse.Namespace) -> int:
-    """Say how the commands of a scene differ from stored tracks of it, which an earlier engine made."""
+    """Print the differences of a scene's commands from stored tracks.
+
+    The stored tracks are those of the same scene by an earlier engine. Return the exit status.
+    """
     scene, library = scene_file.load(options.scene), Library(options.presets)
     stored, unread = migration.stored_tracks(options.tracks)
     bake = drain_shown(rendering(scene, library), quiet=options.quiet)

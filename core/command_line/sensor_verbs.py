@@ -1,4 +1,7 @@
-"""Verbs from a sensor to a device and back: tables from the built device, recordings followed, playback compared."""
+"""Arguments of the verbs for a device and a sensor in it.
+
+The verbs follow a recording of the sensor, collect a table of the device, and compare a played track with its target.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ from .arguments import (
 
 
 def add_sensors(verbs: Any) -> None:
-    """Add the verbs to a command line."""
+    """Add the verbs for a device and a sensor to a command line."""
     add_verb(
         verbs,
         "follow",

@@ -1,4 +1,7 @@
-"""`python -m core stream panel | send | virtual | ports`: streaming without Blender, or started by it."""
+"""`python -m core stream panel | send | virtual | ports | cards`.
+
+Blender starts `send`; people start the other verbs.
+"""
 
 from __future__ import annotations
 
@@ -18,17 +21,17 @@ from ..stream.virtual.program import serve
 
 
 def panel(options: argparse.Namespace) -> int:
-    """Answer a finger on a touch screen."""
+    """Drive a touch screen under a real finger; return the exit status."""
     return touch_panel_command.run(options, ScreenMap.load)
 
 
 def send(options: argparse.Namespace) -> int:
-    """Serve a shared state until its owner is gone."""
+    """Serve a shared state until its owner is gone; return the exit status."""
     return sender.run(options.state, ScreenMap.load)
 
 
 def virtual(options: argparse.Namespace) -> int:
-    """Run a virtual device until its input ends."""
+    """Run a virtual device until its input ends; return the exit status."""
     faults = {}
     for text in options.fault:
         name, _, value = text.partition("=")
@@ -46,7 +49,7 @@ def virtual(options: argparse.Namespace) -> int:
 
 
 def ports(_options: argparse.Namespace) -> int:
-    """List the serial ports."""
+    """Print the serial ports; return the exit status."""
     found = serial_port.ports()
     for name, description in found:
         print(f"{name}\t{description}".rstrip())
@@ -56,7 +59,10 @@ def ports(_options: argparse.Namespace) -> int:
 
 
 def cards(_options: argparse.Namespace) -> int:
-    """List the sound cards that may drive an amplifier."""
+    """Print the sound cards that may drive an amplifier.
+
+    Return the exit status.
+    """
     found = card.names()
     print("\n".join(found))
     if not found:

@@ -1,4 +1,4 @@
-"""`python -m core stream log`: summary of a binary log, or its conversion to CSV."""
+"""`python -m core stream log`: summary or conversion of a binary log."""
 
 from __future__ import annotations
 
@@ -17,14 +17,16 @@ from ..stream.log.binary import LogFile, read
 from ..stream.log.csv_form import CsvForm
 from ..stream.log.row import Fate, Rows
 
-_AT_ONCE = 4096  # rows
+_AT_ONCE = 4096  # rows that are converted at once
 
 
 def run(options: argparse.Namespace) -> int:
-    """Sum a log up, or write it as CSV; return 0, or 1 where it is not whole.
+    """Print a summary of a log, or write the log as CSV.
+
+    Return the exit status. The status is 0, or 1 if the log is incomplete.
 
     Raises:
-        DermisError: a file cannot be read, or they are not of one log.
+        DermisError: a file cannot be read, or the files are not those of one log.
     """
     files = _in_order(options.files)
     rows = np.concatenate([file.rows for file in files])
@@ -62,12 +64,17 @@ def _in_order(paths: Sequence[Path]) -> list[LogFile]:
 
 
 def _gaps(rows: Rows) -> int:
-    """Return how many numbers are missing between the first row and the last."""
+    """Return how many row numbers are missing between the first and last row."""
     return int(rows["number"][-1] - rows["number"][0]) + 1 - len(rows) if len(rows) else 0
 
 
 def _doubts(files: Sequence[LogFile], lost: int) -> list[str]:
-    """Return in words why a log is not whole."""
+    """Return the reasons why a log is incomplete, each as a sentence.
+
+    Args:
+        files: the files of the log, in order.
+        lost: number of missing rows.
+    """
     found = []
     for file in files:
         name = f"file {file.header.file} of the log"
@@ -99,7 +106,7 @@ def _summary(files: Sequence[LogFile], rows: Rows) -> list[str]:
 
 
 def _highest(files: Sequence[LogFile], rows: Rows) -> list[str]:
-    """Return how high each measured quantity was, either way, a line each."""
+    """Return a line with the largest absolute value of each measured quantity."""
     lines = []
     for k, quantity in enumerate(files[0].header.sensed):
         values = np.abs(rows["sensed"][:, k])

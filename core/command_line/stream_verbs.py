@@ -1,4 +1,4 @@
-"""Verbs of `python -m core stream`: live, to a device or from one."""
+"""Arguments of the verbs of `python -m core stream`, for live devices."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ CARD = argument(
     help="a sound card's whole name, see 'stream cards'; 'virtual:' is simulated",
 )
 
+# Help texts for settings of the format 'wav' in `stream sound` (TO_A_CARD) and `stream daq` (TO_AN_OUTPUT), where their
+# meaning differs from that in a file.
 TO_A_CARD = {
     "full_scale": "required: peak voltage that the sound card gives for the largest sample: 1.414 times the RMS volts "
     "that a meter shows of a full-scale tone",
@@ -32,7 +34,7 @@ TO_AN_OUTPUT = {
 
 
 def add_streams(commands: Any) -> None:
-    """Add the verbs to a command line."""
+    """Add the verbs of `stream` to a command line."""
     verbs = commands.add_parser(
         "stream",
         help="play a track to a device, or run a virtual device",

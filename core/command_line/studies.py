@@ -1,4 +1,8 @@
-"""`python -m core tell-apart | sweep | bump | weakest-force`: the papers' own questions."""
+"""`python -m core tell-apart | sweep | bump | weakest-force`.
+
+These verbs repeat studies of the papers, on scenes and devices of the user's choice. `sweep` also computes tables of
+variants.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +26,10 @@ from .workers import executor_of, tell_unlike
 
 
 def tell_apart(options: argparse.Namespace) -> int:
-    """Say which of a finger's touches could be told apart through each device."""
+    """Print which touches of a finger can be distinguished, by device.
+
+    Return the exit status.
+    """
     scene, library = scene_file.load(options.scene), Library(options.presets)
     found = drain_shown(told_apart.tell_apart(scene, library, options.finger), quiet=options.quiet)
     print(told_report.text(found))
@@ -32,7 +39,11 @@ def tell_apart(options: argparse.Namespace) -> int:
 
 
 def sweep(options: argparse.Namespace) -> int:
-    """Do a table of variants; or match a sliding plane by every method, over depths, frictions and directions."""
+    """Compute a table of variants, or compare methods on a sliding plane.
+
+    A specification (SPEC.toml) gives the table. Without one, all methods match a plane that slides over the pad, for
+    all combinations of depth, friction and direction. Return the exit status.
+    """
     if options.spec is not None:
         return _table(options)
     if options.scheduler is not None or options.workers:
@@ -57,7 +68,10 @@ def sweep(options: argparse.Namespace) -> int:
 
 
 def _table(options: argparse.Namespace) -> int:
-    """Do the rows of a table that are not there yet."""
+    """Compute the rows of a table of variants that are still missing.
+
+    Return the exit status.
+    """
     if options.out is None:
         raise DermisError(
             "a table needs a folder", where="--out", remedy="Give --out DIR; give the same folder to continue a table"
@@ -77,7 +91,10 @@ def _table(options: argparse.Namespace) -> int:
 
 
 def bump(options: argparse.Namespace) -> int:
-    """Let a finger go over a bump by each profile."""
+    """Print the largest friction and voltage on a bump, for each profile.
+
+    With --out, write the table and the picture of the whole path. Return the exit status.
+    """
     found = bumps.bump_curve(
         Library(options.presets), options.device, 1e-3 * options.height, 1e-3 * options.width, 1e-3 * options.speed
     )
@@ -88,7 +105,10 @@ def bump(options: argparse.Namespace) -> int:
 
 
 def weakest_force(options: argparse.Namespace) -> int:
-    """Say how strong a shear tactor is in its weakest direction."""
+    """Print the force of a shear tactor in its weakest direction.
+
+    Return the exit status.
+    """
     spec = Library(options.presets).device(options.device)
     print(cap_force.text(cap_force.cap_force(spec), spec))
     return 0

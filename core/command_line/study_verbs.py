@@ -1,4 +1,4 @@
-"""Verbs of the papers' own questions: what could be told apart, methods over stimuli, a bump, a weakest force."""
+"""Arguments of the verbs that repeat studies of the papers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ METHODS = ("DM2", "DM1", "DM0", "FM2", "FM1", "FM0")
 
 
 def add_studies(verbs: Any) -> None:
-    """Add the verbs to a command line."""
+    """Add the verbs that repeat studies to a command line."""
     add_verb(
         verbs,
         "tell-apart",

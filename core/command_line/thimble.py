@@ -1,4 +1,7 @@
-"""`python -m core thimble`, and `follow` with a learned thimble: stimulus plots, reach, recorded sequences."""
+"""`python -m core thimble plot | reach`, and `follow` with a thimble.
+
+The latter is for thimbles with a learned model; a look-up with a thimble is in `follow.py`.
+"""
 
 from __future__ import annotations
 
@@ -35,7 +38,7 @@ from ..track.command_track import CommandTrack
 
 
 def follow(options: argparse.Namespace) -> int:
-    """Render a recorded sequence of readings and write the track."""
+    """Write a track that renders recorded readings; return the exit status."""
     if options.noise is not None and not 0.0 <= options.noise < float("inf"):
         raise DermisError("noise is a standard deviation", where="--noise", value=options.noise, limit=">= 0")
     library = Library(options.presets)
@@ -71,12 +74,26 @@ def follow(options: argparse.Namespace) -> int:
 
 
 def _virtual(skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:
-    """Return a follower of readings of the virtual electrodes."""
+    """Return a matcher of readings of the virtual electrodes.
+
+    Args:
+        skin: model of the skin.
+        device: the thimble.
+        friction: coefficient of friction between the thimble's disc and the skin.
+        change: largest change of a servo's angle from sample to sample [rad].
+    """
     return matcher(device, skin, friction=friction, observation_matrix=electrode_sensor(skin).matrix, change=change)
 
 
 def _recorded(path: Path, skin: SkinModel, device: Thimble, friction: float, change: float) -> StressMatcher:
-    """Return a follower of readings of the sensor that a table was recorded with."""
+    """Return a matcher of readings of the sensor of a recorded table.
+
+    A model is learned from the table. Its error and the findings are printed.
+
+    Args:
+        path: file of the table.
+        skin, device, friction, change: as in `_virtual`.
+    """
     table = read_table(path).without_memory()
     check_recording(table, device, str(path))
     contact = contact_of(device, skin, friction)
@@ -92,7 +109,7 @@ def _recorded(path: Path, skin: SkinModel, device: Thimble, friction: float, cha
 
 
 def _beyond(made: StressMatcher, where: str) -> list[Finding]:
-    """Return the finding about readings unlike those of the recording."""
+    """Return the finding on best poses outside the recorded ones, or none."""
     outside: int = getattr(made, "outside", 0)
     if not outside:
         return []
@@ -103,7 +120,10 @@ def _beyond(made: StressMatcher, where: str) -> list[Finding]:
 
 
 def plot(options: argparse.Namespace) -> int:
-    """Draw the three-component plot of one finger of a scene."""
+    """Draw the stimuli of a scene's finger in three principal components.
+
+    Return the exit status.
+    """
     scene, library = scene_file.load(options.scene), Library(options.presets)
     if not 0 <= options.finger < len(scene.fingers):
         raise DermisError(
@@ -128,7 +148,15 @@ def plot(options: argparse.Namespace) -> int:
 
 
 def picture(made: Any, found: Any, finger: str) -> tuple[Any, ...]:
-    """Return the arguments of `stimuli.draw` for a plot and the sequence that it shows."""
+    """Return the picture of a stimulus plot.
+
+    The picture is the arguments of `plot.stimuli.write` after the path.
+
+    Args:
+        made: the plot, see `stimulus_plot`.
+        found: the matched sequence.
+        finger: name of the finger.
+    """
     lines = {"target": made.target, "predicted": made.predicted, "rendered": made.rendered}
     touched = found.touched
     off, whole = (float(np.median(e[touched])) if touched.any() else 0.0 for e in (found.mismatch, found.stress_error))
@@ -142,7 +170,7 @@ def picture(made: Any, found: Any, finger: str) -> tuple[Any, ...]:
 
 
 def reach(options: argparse.Namespace) -> int:
-    """Print where the platform can go."""
+    """Print the platform's tilt limits by distance; return the exit status."""
     spec = _thimble(Library(options.presets), options.device)
     device = mechanism(spec)
     found = workspace(device, reference_distance(spec, device))

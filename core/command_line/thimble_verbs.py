@@ -1,4 +1,4 @@
-"""Verbs of `python -m core thimble`: adapted to fingers, drawn, measured."""
+"""Arguments of the verbs of `python -m core thimble`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .arguments import LEVEL, QUIET, SCENE, THIMBLE, TISSUE, WORKERS, add_verb, 
 
 
 def add_thimbles(commands: Any) -> None:
-    """Add the verbs to a command line."""
+    """Add the verbs of `thimble` to a command line."""
     verbs = commands.add_parser(
         "thimble",
         help="adapt, plot and measure a thimble",

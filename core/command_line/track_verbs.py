@@ -1,4 +1,4 @@
-"""Verbs that take command tracks: written in another format, checked."""
+"""Arguments of the verbs that read command tracks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .arguments import PRESETS, TRACK, add_verb, argument, settings_of, switch
 
 
 def add_tracks(verbs: Any) -> None:
-    """Add the verbs to a command line."""
+    """Add the verbs that read command tracks to a command line."""
     add_verb(
         verbs,
         "export",

@@ -20,9 +20,12 @@ from .messages import FAILED, REFUSED, tell
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write tracks in other formats, whole or a range of them."""
+    """Write tracks, or a time range of them, in another format.
+
+    Return the exit status.
+    """
     failed, names, settings = 0, FileNames(), _settings(options)
-    for path in options.tracks:  # a track that is still to be read is none to write over
+    for path in options.tracks:  # no track that is still to be read may be overwritten
         names.reserve(path)
     for path in options.tracks:
         stem, suffix = path.name.removesuffix(path.suffix), formats.format_of(options.format).suffix
@@ -39,14 +42,14 @@ def export(options: argparse.Namespace) -> int:
             if options.range:
                 track = formats.cut(track, *options.range)
             print(write(track, target, options.format, options.force, settings))
-        except DermisError as error:  # one bad file does not take the others down
+        except DermisError as error:  # the other tracks are still written
             print(f"error: {error}", file=sys.stderr)
             failed += 1
     return REFUSED if failed else 0
 
 
 def check(options: argparse.Namespace) -> int:
-    """Check a track and print its problems."""
+    """Check a track and print its findings; return the exit status."""
     track, library = formats.read(options.track), Library(options.presets)
     findings = (*checks.preset_findings(track, library), *checks.findings_of(checks.by_preset(track, library)))
     if options.json:
@@ -74,16 +77,24 @@ def check(options: argparse.Namespace) -> int:
 def write(
     track: CommandTrack, path: Path, form: str, force: bool, settings: Mapping[str, Any] = formats.NO_SETTINGS
 ) -> Path:
-    """Write one track; report the findings of its check."""
+    """Write one track and print the findings of its check; return its path.
+
+    Args:
+        track: the track.
+        path: path to write.
+        form: name of the format.
+        force: True to write the file in spite of errors.
+        settings: settings of the format, by name.
+    """
     tell(formats.write(track, path, form, force=force, settings=settings), sys.stderr)
     return path
 
 
 def _settings(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the settings of the format that were given.
+    """Return the given settings of the chosen format, by name.
 
     Raises:
-        DermisError: some of another format.
+        DermisError: a setting of another format was given.
     """
     given: dict[str, Any] = {}
     for form, entry in FORMATS.items():

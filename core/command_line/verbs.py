@@ -1,4 +1,8 @@
-"""All verbs of `python -m core`; `run` is the dotted name below `core` of a verb's function, which loads on choice."""
+"""All verbs of `python -m core`.
+
+`run` of a verb is the dotted name, below `core`, of its function. The module of the function is imported only when the
+verb is chosen.
+"""
 
 from __future__ import annotations
 
@@ -16,12 +20,16 @@ from .study_verbs import add_studies
 from .thimble_verbs import add_thimbles
 from .track_verbs import add_tracks
 
-# Verbs that were renamed: as they were written -> what they mean now.
+# Verbs that were renamed: the old words -> the new words, with the options that keep the old meaning.
 OLD_VERBS = {("thimble", "follow"): ("follow", "--device", "thimble_3rrs")}
 
 
 def parser(program: str) -> argparse.ArgumentParser:
-    """Return the command line of a program."""
+    """Return the parser of the command line.
+
+    Args:
+        program: name of the program in usage and errors.
+    """
     made = argparse.ArgumentParser(
         prog=program,
         description="Dermis without Blender: render sampled scenes, check command tracks.",
@@ -43,7 +51,13 @@ def parser(program: str) -> argparse.ArgumentParser:
 
 
 def renamed(arguments: Sequence[str]) -> list[str]:
-    """Return a command line with the new name of its verb; say so on standard error where it had an old one."""
+    """Return a command line in which an old name of its verb is replaced.
+
+    A replacement is reported on standard error.
+
+    Args:
+        arguments: arguments of the command line.
+    """
     for old, new in OLD_VERBS.items():
         if tuple(arguments[: len(old)]) == old:
             print(f"'{' '.join(old)}' is '{' '.join(new)}' now", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""Other processes for the work of a verb, on this machine or of a scheduler; their messages; the loop of such a one."""
+"""Worker processes of verbs: on this machine, or those of a scheduler."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ from ..work.processes import ProcessExecutor, cores, serve
 
 
 def executor_of(options: argparse.Namespace) -> JobExecutor:
-    """Return who does the work, by the options of `arguments.WORKERS`.
+    """Return the executor that the options of `arguments.WORKERS` choose.
 
     Raises:
-        DermisError: fewer than no processes, half of the keys of TLS, or a scheduler that cannot be used.
+        DermisError: the number of processes is negative, options contradict each other, some files for TLS are missing,
+            or the scheduler cannot be used.
     """
     if options.workers < 0:
         raise DermisError("too small", where="--workers", value=options.workers, limit=">= 0")
@@ -44,11 +45,17 @@ def executor_of(options: argparse.Namespace) -> JobExecutor:
 
 
 def tell_unlike(executor: JobExecutor) -> None:
-    """Report workers whose engine differs from this process in a way that may change the last digits of results."""
+    """Print warnings of workers that may compute other last digits.
+
+    The engine of such a worker differs from that of this process.
+    """
     for words in sorted(getattr(executor, "unlike", ())):
         print(f"warning: a worker has {words}: results agree with this machine's to some 1e-6", file=sys.stderr)
 
 
 def work(_options: argparse.Namespace) -> int:
-    """Take jobs of a parent process from standard input."""
+    """Run the jobs that a parent process sends to standard input.
+
+    Return the exit status.
+    """
     return serve()

@@ -17,7 +17,7 @@ from .errors import DermisError
 from .files import atomic
 
 _KEY = re.compile(r"[0-9a-f]{16,128}")
-_ABANDONED = 24 * 3600.0  # [s] age of an unfinished file at which no running program can still be writing it
+_ABANDONED = 24 * 3600.0  # [s] an unfinished file older than this is deleted, because its writer must have ended
 _TAG = b"Signature: 8a477f597d28d172789f06886806bc55\n# Dermis keeps results here that it can compute again.\n"
 
 

@@ -1,7 +1,7 @@
 """The clock of streams, which also counts while the computer is suspended.
 
-It gives seconds since an arbitrary start, the same in all processes of a computer. On Linux and macOS, Python's own
-monotonic clocks stop during a suspension. With them, a sender would not notice that its device received no commands
+It gives seconds since an arbitrary start. All processes of a computer read the same clock. On Linux and macOS, Python's
+own monotonic clocks stop during a suspension. With them, a sender would not notice that its device received no commands
 meanwhile.
 """
 

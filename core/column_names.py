@@ -35,6 +35,7 @@ _VECTOR = {"rv", "rotvec", "rotvector", "rotationvector", "axisangle"}
 _QUATERNION = {"q", "quat", "quaternion", "rotquat"}
 _FORCES, _TORQUES = (("fx", "fy", "fz"), ("forcex", "forcey", "forcez")), ("tx", "ty", "tz")
 _ANGLES = {"roll": "rx", "pitch": "ry", "yaw": "rz"}
+# Allowed units by kind of column: time, frame, position, Euler angles, rotation vector, quaternion.
 _DIMENSIONS: Mapping[str, Mapping[str, float]] = {
     "t": TIMES,
     "f": {},

@@ -138,8 +138,9 @@ def fingertip(
         alpha: stiffness of a person's skin relative to `young`; None takes the preset's.
         tissue: 'linear', or 'neo_hookean' for tissue that stiffens under load.
         presets: library of presets; None for the built-in ones.
-        cache: folder in which computed skins are stored. For lengths that no preset has, contact on points also needs
-            the table of the smooth skin from this folder; without that table, contact is solved at the mesh's nodes.
+        cache: folder in which computed skins are stored. Contact on points also needs a table of the smooth skin. For
+            lengths or a Poisson's ratio that no preset has, the table must be in this folder; without it, contact is
+            solved at the mesh's nodes.
         lengths: lengths that replace those of the preset [m], by the preset's names: width, thickness, length,
             bone_bed ...
 
@@ -202,7 +203,8 @@ def press(
     ((1560, 6), (78,))
 
     Raises:
-        DermisError: a number is out of range, `turn` is no rotation, or the surface does not meet the pad.
+        DermisError: a number is out of range, `turn` is no rotation, `contact` is unknown, or the surface does not meet
+            the pad.
     """
     _check_kind("skin", skin, SkinModel)
     _check_kind("surface", surface, Surface)

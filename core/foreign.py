@@ -24,7 +24,7 @@ from .errors import DermisError
 # Limits, each with its reason.
 # [bytes] Largest file, and largest unpacked contents of an archive. An hour of 60 channels at 1 kHz has 1.7 GB.
 MAX_BYTES = 1 << 31
-# [bytes] Largest text file. Reading needs ten times as much memory. Half an hour of 128 pins at 240 Hz is as large.
+# [bytes] Largest text file. Reading needs ten times as much memory. Half an hour of 128 pins at 240 Hz has this size.
 MAX_TEXT = 1 << 29
 # [bytes] Largest preset, calibration or header. People write these by hand; a preset of 128 pins has 30 kB.
 MAX_SETTINGS = 1 << 24
@@ -163,14 +163,14 @@ def text_of(data: bytes, where: str, encoding: str = "utf-8") -> str:
 def json_of(data: bytes | str, where: str, most: int = MAX_SETTINGS, *, constants: bool = False) -> Any:
     """Read JSON by strict rules.
 
-    Keys must be unique within an object, numbers finite, and characters whole. Nesting is limited to `DEEPEST` levels,
-    and whole numbers to `LONGEST_INTEGER` digits.
+    Keys must be unique within an object, and characters whole. The constants NaN, Infinity and -Infinity are refused.
+    Nesting is limited to `DEEPEST` levels, and whole numbers to `LONGEST_INTEGER` digits.
 
     Args:
         data: the text, or the bytes of UTF-8 text.
         where: name of the file, for the message.
         most: largest length of the data, in bytes, or in characters for a text.
-        constants: True to accept NaN and the infinities, which Python's own writer of JSON writes.
+        constants: True to accept these three constants, which Python's own writer of JSON writes.
 
     Raises:
         DermisError: the data break one of these rules or are too long; for a syntax error the message gives the line.
@@ -232,8 +232,8 @@ def toml_of(text: str, where: str) -> dict[str, Any]:
     the text, before the parser reads it.
 
     Raises:
-        DermisError: the text is not TOML, longer than `MAX_TOML`, nested deeper than `DEEPEST`, or has a number of more
-            than `LONGEST_INTEGER` digits.
+        DermisError: the text is not TOML, longer than `MAX_TOML`, nested deeper than `DEEPEST`, or has a whole number
+            of more than `LONGEST_INTEGER` digits.
     """
     check_size(len(text), where, MAX_TOML)
     if _TOML_DEEP.search(_TOML_QUOTED.sub("_", text)):

@@ -21,7 +21,7 @@ from .files import opened
 from .foreign import MAX_BYTES, check_size, damage_told, text_of
 
 DTYPES = "biufcSU"  # kinds of numpy's types that are read: numbers and texts
-EMPTY_SIDE = 1 << 24  # largest side of an array without elements, because later arrays are allocated with this length
+EMPTY_SIDE = 1 << 24  # longest side of an array without elements, because other arrays may be made with this length
 MAX_DIRECTORY = 1 << 24  # [bytes] longest table of contents, some 100,000 members; a long scene has some thousand
 _METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # the methods of compression that numpy uses
 _AT_ONCE = 1 << 20  # [bytes] length of the parts in which an array is read
@@ -71,7 +71,7 @@ class ArrayFile:
             return _array(file, size, place)
 
     def arrays(self, names: Iterable[str]) -> dict[str, NDArray[Any]]:
-        """Read arrays by name; see `array`."""
+        """Return several arrays by name, see `array`."""
         return {name: self.array(name) for name in names}
 
     def text(self, name: str, most: int) -> str:

@@ -18,7 +18,9 @@ from .errors import DermisError
 from .files import read_text
 
 SEPARATORS = ";\t,"  # the first of these that occurs in a file's first line parts the cells; otherwise white space does
-LONGEST_SPAN = 86_400.0  # [s] a day: no recording of a finger lasts longer, so the times have another unit
+# LONGEST_SPAN [s]: times that span more than this, a day, have another unit than seconds, because no recording of a
+# finger lasts longer.
+LONGEST_SPAN = 86_400.0
 # SLOW [s] and LONG [s]: times with a mean step of at least SLOW over a span of at least LONG have another unit than
 # seconds, because nobody records a finger so slowly.
 SLOW, LONG = 1.0, 60.0
@@ -85,7 +87,11 @@ class Rows:
     def place(self, row: int, column: int | None = None) -> str:
         """Return the position of a row as text: the file and the line.
 
-        With a column, the text is the position of a cell and includes the column.
+        If a column is given, its number and name follow.
+
+        Args:
+            row: index of the row.
+            column: index of the column; None for the whole row.
         """
         text = f"{self.where}, line {self.lines[row]}"
         if column is None:
@@ -111,8 +117,8 @@ class Rows:
 
         Args:
             index: index of the column.
-            unit: unit of the times [s], such as 1e-3 for ms. None if the file states no unit; then it is the second,
-                unless the times are implausible as seconds, see `slow`.
+            unit: unit of the times [s], such as 1e-3 for ms. None if the file states no unit; the times are then taken
+                as seconds, unless they are implausible as seconds, see `slow`.
 
         Raises:
             DermisError: no unit is stated, and the times are implausible as seconds; or see `check_times`.

@@ -21,7 +21,7 @@ SOURCE = "a person's own"
 def fields(values: Mapping[str, Any], table: Table) -> dict[str, Any]:
     """Return values in the form of a preset's file.
 
-    Each number is in the unit that panels show.
+    Each number is in the unit that panels show. Texts and switches are unchanged.
 
     Args:
         values: values by name, in SI.
@@ -46,7 +46,7 @@ def fields(values: Mapping[str, Any], table: Table) -> dict[str, Any]:
 def save(library: Library, folder: Path, group: str, preset: Mapping[str, Any]) -> str:
     """Write a preset into a person's own folder; return its key.
 
-    The key is made from the name of the preset.
+    The key is made from the name of the preset. An own preset of the same key is overwritten.
 
     Args:
         library: library with the built-in presets.
@@ -55,8 +55,8 @@ def save(library: Library, folder: Path, group: str, preset: Mapping[str, Any]) 
         preset: contents of the preset; its schema is added.
 
     Raises:
-        DermisError: the name has no letter or digit, or gives the key of a built-in preset; the preset does not conform
-            to its schema; or the folder cannot be written.
+        DermisError: the name has no letter or digit, or gives the key of a built-in preset that no own preset replaces;
+            the preset does not conform to its schema; or the folder cannot be written.
     """
     preset = {"schema": SCHEMAS[group], **preset}
     name = str(preset.get("name", ""))

@@ -41,7 +41,7 @@ class Recent(dict[K, V]):
         """
         if key in self:
             value = self[key]
-            self.pop(key, None)  # None, because another thread may have removed the key just now
+            self.pop(key, None)  # None avoids an error if another thread has just removed the key
         else:
             while len(self) >= self.size:
                 self.pop(next(iter(self)), None)

@@ -11,7 +11,7 @@ from typing import Any
 
 from .errors import DermisError
 
-# unit -> (SI unit, factor): value_in_SI = value * factor
+# Unit -> (its SI unit, factor), with value in SI = value * factor.
 UNITS: dict[str, tuple[str, float]] = {
     "m": ("m", 1.0),
     "mm": ("m", 1e-3),

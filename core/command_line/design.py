@@ -191,7 +191,7 @@ def _tissue(options: argparse.Namespace, scenes: Mapping[str, TactileScene]) -> 
     chosen, whose = options.tissue, "--tissue"
     for touch, scene in scenes.items():
         if not 0 <= options.finger < len(scene.fingers):
-            continue  # told where it is sensed
+            continue  # `task.sense_scene` reports the wrong finger later
         where = f"scene '{touch}'"
         own = str(row.of(scene.fingers[options.finger].parameters, where))
         if chosen is not None and own != chosen:
@@ -219,7 +219,7 @@ def _skin(options: argparse.Namespace, library: Any, scenes: Mapping[str, Tactil
     chosen, whose = wanted, "--skin"
     for touch, scene in scenes.items():
         if not 0 <= options.finger < len(scene.fingers):
-            continue  # told where it is sensed
+            continue  # `task.sense_scene` reports the wrong finger later
         own = scene.fingers[options.finger].parameters.get("skin")
         if not own:
             continue

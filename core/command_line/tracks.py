@@ -1,4 +1,4 @@
-"""`python -m core export | check`: verbs that read command tracks."""
+"""`python -m core export | check`, which read command tracks."""
 
 from __future__ import annotations
 

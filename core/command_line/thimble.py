@@ -1,6 +1,6 @@
 """`python -m core thimble plot | reach`, and `follow` with a thimble.
 
-The latter is for thimbles with a learned model; a look-up with a thimble is in `follow.py`.
+`follow` here is that with a learned model. `follow.py` has the look-up, also for thimbles.
 """
 
 from __future__ import annotations

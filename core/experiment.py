@@ -355,6 +355,6 @@ def _numbers(
     """
     numbers = np.asarray(value)
     if numbers.shape != shape or numbers.dtype.kind not in "iuf" or not ((numbers >= low) & (numbers <= high)).all():
-        what = "real numbers in range are wanted" if shape else "a real number in range is wanted"
+        what = "expected real numbers within the range" if shape else "expected a real number within the range"
         raise DermisError(what, where=name, value=numbers.tolist(), limit=limit, remedy=remedy)
     return numbers.astype(np.float64)

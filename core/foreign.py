@@ -129,7 +129,7 @@ def check_size(size: int, where: str, most: int = MAX_BYTES, *, packed: int | No
         )
     if packed is not None and size > max(FREELY, EXPANDS * packed):
         raise DermisError(
-            "unpacks to far more than it holds",
+            "the unpacked data are too large for their packed size",
             where=where,
             value=f"{size} bytes out of {packed}",
             limit=f"{FREELY} bytes, or {EXPANDS} times the packed size",
@@ -192,7 +192,7 @@ def json_of(data: bytes | str, where: str, most: int = MAX_SETTINGS, *, constant
     def whole(digits: str) -> int:
         if len(digits) > LONGEST_INTEGER:
             raise DermisError(
-                "not a number that can be used",
+                "the whole number has too many digits",
                 where=where,
                 value=f"{digits[:12]}...",
                 limit=f"{LONGEST_INTEGER} digits",
@@ -254,7 +254,7 @@ def _check_whole(value: Any, where: str) -> None:
         for inner in value.values() if isinstance(value, dict) else value:
             _check_whole(inner, where)
     elif isinstance(value, int) and abs(value) >= 10**LONGEST_INTEGER:
-        raise DermisError("not a number that can be used", where=where, limit=f"{LONGEST_INTEGER} digits")
+        raise DermisError("the whole number has too many digits", where=where, limit=f"{LONGEST_INTEGER} digits")
 
 
 def _check_depth(value: Any, where: str) -> None:

@@ -176,7 +176,7 @@ def _array(file: IO[bytes], size: int, where: str) -> NDArray[Any]:
         )
     if not count and max(shape) > EMPTY_SIDE:
         raise DermisError(
-            "the array cannot be read: it is empty and endless",
+            "the array cannot be read: it has no elements, but a side that is too long",
             where=where,
             value=str(shape)[:60],
             limit=f"{EMPTY_SIDE}",

@@ -149,9 +149,11 @@ def _number_of(row: Parameter, name: str, default: float | None, text: str = "")
             raise argparse.ArgumentTypeError(f"{text} is not allowed: {error.limit}") from error
         return value
 
-    unit = row.window_unit
-    what = text or f"{row.text[0].lower()}{row.text[1:]} ({row.default / row.factor:g} {unit})"
-    return argument(f"--{name.replace('_', '-')}", type=read, default=default, metavar=unit.upper(), help=what)
+    unit = "" if row.window_unit == "1" else row.window_unit
+    usual = f"{row.default / row.factor:g} {unit}".rstrip()
+    what = text or f"{row.text[0].lower()}{row.text[1:]} ({usual})"
+    option = f"--{name.replace('_', '-')}"
+    return argument(option, type=read, default=default, metavar=unit.upper() or "RATIO", help=what)
 
 
 def span(text: str) -> tuple[float, float]:
@@ -186,8 +188,8 @@ PRESETS = argument("--presets", type=Path, metavar="DIR", help="folder with pres
 SCENE = argument("scene", type=Path, metavar="FILE", help="a scene sampled to a file (.npz)")
 SCENES = argument("scene", type=Path, nargs="+", metavar="FILE", help="scenes sampled to files (.npz)")
 WORKERS = (
-    argument("--workers", type=int, default=0, metavar="N", help="processes of this machine; 0 for one a core"),
-    argument("--scheduler", metavar="URL", help="let a dask scheduler's workers do it: tcp://HOST:PORT, tls://..."),
+    argument("--workers", type=int, default=0, metavar="N", help="number of processes; 0 for one per core"),
+    argument("--scheduler", metavar="URL", help="use the workers of a dask scheduler: tcp://HOST:PORT, tls://..."),
     argument("--tls-ca", type=Path, metavar="FILE", help="certificate of the authority, for tls://"),
     argument("--tls-cert", type=Path, metavar="FILE", help="your certificate, for tls://"),
     argument("--tls-key", type=Path, metavar="FILE", help="its key, for tls://"),
@@ -197,7 +199,10 @@ MAPS = switch("--maps", "also write the maps of touch screens, for real fingers"
 QUIET = switch("--quiet", "no progress")
 LEVEL = argument("--level", default="draft", choices=("draft", "standard"), help="accuracy of the skin")
 TISSUE = argument(
-    "--tissue", default=SKIN_CONTACT["tissue"].default, choices=SKIN_CONTACT["tissue"].keys, help="of the skin (linear)"
+    "--tissue",
+    default=SKIN_CONTACT["tissue"].default,
+    choices=SKIN_CONTACT["tissue"].keys,
+    help="tissue of the skin (linear)",
 )
 
 REST = (
@@ -205,7 +210,7 @@ REST = (
         "--rest",
         type=span,
         metavar="FROM:TO",
-        help="seconds of each recording in which nothing is touched: its noise is measured there, and its rest is "
+        help="span of each recording in seconds in which nothing is touched; it gives the noise, and its rest is "
         "moved to the table's",
     ),
     argument(
@@ -251,7 +256,7 @@ LOG = (
         "--log",
         type=Path,
         metavar="FILE",
-        help="write a log of the stream, a row a sample: NAME.csv, NAME.dlog (binary), or a folder",
+        help="write a log of the stream, one row per sample: NAME.csv, NAME.dlog (binary), or a folder",
     ),
     setting("log_size"),
     setting("log_total"),
@@ -260,6 +265,6 @@ LOG = (
         action="append",
         default=[],
         metavar="ADDRESS",
-        help="also send these rows to udp://HOST:PORT or lsl:NAME; more than once",
+        help="also send these rows to udp://HOST:PORT or lsl:NAME; may be repeated",
     ),
 )

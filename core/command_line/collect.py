@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     home = mechanism(spec).rest
     simulated = options.sensor == VIRTUAL
     if simulated and not options.url.startswith(VIRTUAL):
-        raise DermisError("a virtual sensor is in a virtual device", where="--sensor", value=options.url, limit=VIRTUAL)
+        raise DermisError("a virtual sensor needs a virtual device", where="--sensor", value=options.url, limit=VIRTUAL)
     names = ELECTRODES if simulated else _names(options.channels)
     most = _limits(options.stop_at, names)
     check_writable(options.out)
@@ -143,7 +143,7 @@ def _names(text: str) -> tuple[str, ...]:
         return tuple(f"c{i + 1}" for i in range(int(text)))
     names = tuple(name.strip() for name in text.split(","))
     if len(set(names)) != len(names) or not all(names):
-        raise DermisError("names of channels that differ, or their number", where="--channels", value=text)
+        raise DermisError("neither distinct names of channels nor their number", where="--channels", value=text)
     return names
 
 

@@ -133,10 +133,12 @@ def _refuse_nonsense(options: argparse.Namespace, motors: int) -> None:
         if value is not None and value < least:
             raise DermisError("too small", where=f"--{name}", value=value, limit=f">= {least}")
     if options.adaptive and (options.rows == 0 or options.table is not None):
-        raise DermisError("an adaptive table is swept, with a number of rows", where="--adaptive", limit="--rows N")
+        raise DermisError(
+            "--adaptive needs a table that is simulated, with a number of rows", where="--adaptive", limit="--rows N"
+        )
     if options.adaptive and (options.workers or options.scheduler):
         where = "--scheduler" if options.scheduler else "--workers"
-        raise DermisError("an adaptive table is pressed in this process, a round after the other", where=where)
+        raise DermisError("an adaptive table is computed in this process only, round by round", where=where)
     if options.save_table is not None and options.save_table.suffix.lower() != ".npz":
         what = "a collected table is kept as .npz"
         raise DermisError(what, where="--save-table", value=options.save_table.name, limit="NAME.npz")
@@ -200,7 +202,7 @@ def _tissue(options: argparse.Namespace, scenes: Mapping[str, TactileScene]) -> 
                 where=where,
                 value=own,
                 limit=chosen,
-                remedy="Leave --tissue out, or judge the scenes one by one",
+                remedy="Leave --tissue out, or run the scenes one by one",
             )
         chosen, whose = own, where
     return str(row.default) if chosen is None else str(chosen)
@@ -227,7 +229,7 @@ def _skin(options: argparse.Namespace, library: Any, scenes: Mapping[str, Tactil
             raise DermisError(
                 f"its finger has another skin than {whose} says",
                 where=f"scene '{touch}'",
-                remedy="Leave --skin out, or judge the scenes one by one",
+                remedy="Leave --skin out, or run the scenes one by one",
             )
         chosen, whose = dict(own), f"scene '{touch}'"
     return chosen if chosen is not None else dict(library.skin(DEFAULT_SKIN))

@@ -23,14 +23,17 @@ def add_designs(verbs: Any) -> None:
         argument("--rows", type=int, metavar="N", help="size of the table to collect; 0 for the preset's own"),
         switch(
             "--adaptive",
-            "spend the table's rows where the device touches and its readings bend: half as many are as good",
+            "place more of the table's rows where the device touches and the readings are nonlinear; half as many "
+            "are then as accurate",
         ),
-        argument("--save-table", type=Path, metavar="FILE", help="keep the collected table"),
+        argument("--save-table", type=Path, metavar="FILE", help="write the collected table to this file"),
         *WORKERS,
-        argument("--skin", metavar="PRESET", help="the skin preset; as in the scene if left out"),
+        argument("--skin", metavar="PRESET", help="the skin preset; that of the scene if left out"),
         LEVEL,
         argument(
-            "--tissue", choices=SKIN_CONTACT["tissue"].keys, help="of the skin; as in the scene, or linear, if left out"
+            "--tissue",
+            choices=SKIN_CONTACT["tissue"].keys,
+            help="tissue of the skin; that of the scene, or linear, if left out",
         ),
         argument(
             "--noise",
@@ -40,14 +43,17 @@ def add_designs(verbs: Any) -> None:
             f"out; of the virtual sensor in counts ({NOISE:g})",
         ),
         *REST,
-        argument("--seed", type=int, default=0, help="of noise and of the six interactions' wobble"),
-        argument("--finger", type=int, default=0, metavar="I", help="which finger of a scene"),
+        argument("--seed", type=int, default=0, help="seed of the noise and of the six interactions' tremor"),
+        argument("--finger", type=int, default=0, metavar="I", help="index of the finger in each scene (0)"),
         argument(
             "--rule",
             choices=("touch", "paper"),
-            help="how many motors the preset gets: less than the limit of the touch lost, or the paper's",
+            help="rule for the number of motors of the preset: 'touch' keeps the additional error below the limit of "
+            "the touch, 'paper' is the paper's",
         ),
-        argument("--motors", type=int, metavar="K", help="of the preset; as the rule says if left out"),
+        argument(
+            "--motors", type=int, metavar="K", help="number of motors of the preset; that of the rule if left out"
+        ),
         argument("--out", type=Path, metavar="DIR", help="write text, JSON, picture and preset there"),
         PRESETS,
         switch("--json", "print the report as JSON"),
@@ -55,10 +61,10 @@ def add_designs(verbs: Any) -> None:
             "--trial",
             type=int,
             metavar="SEEDS",
-            help="judge the six interactions for so many seeds, and list every exception",
+            help="evaluate the six interactions for this many seeds, and list every exception",
         ),
         QUIET,
-        help="how many motors a device needs for given touches",
+        help="number of motors that a device needs for given touches",
         description="Find the fewest motors, and their coupling, with which a platform device renders given touches: "
         "sampled scenes (.npz), recordings of a sensor of any number of channels (.csv), or the six interactions of "
         "[S2].",

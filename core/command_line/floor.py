@@ -43,7 +43,7 @@ def floor(options: argparse.Namespace) -> int:
         parameters[method_name(spec)] = "stress"
     if spec.kind not in ("thimble", "hexapod"):
         raise DermisError(
-            "a floor is of a disc that is searched for a pose",
+            "a floor exists only for devices with a disc whose pose is searched",
             where=f"device preset '{options.device}'",
             value=spec.kind,
             limit="thimble, hexapod",

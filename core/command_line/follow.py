@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     keep_apart(options.plot, options.out)
     spec = Library(options.presets).device(options.device)
     if spec.kind == "thimble" and options.method == "learned":
-        _refuse(options, ("motors", "rest", "rest_rows", "plot"), "of look-ups; a thimble learns a model instead")
+        _refuse(options, ("motors", "rest", "rest_rows", "plot"), "for look-ups only; a thimble uses a learned model")
         return thimble.follow(options)
     if options.table is None:
         raise DermisError(

@@ -20,7 +20,8 @@ def add_scenes(verbs: Any) -> None:
             type=Path,
             required=True,
             metavar="DIR",
-            help="folder for the tracks, made if needed; of several scenes, and with --scheduler, for a folder each",
+            help="folder for the tracks, made if needed; with several scenes or --scheduler, each scene gets a folder "
+            "in it",
         ),
         switch("--plots", "also write a picture of each track"),
         MAPS,
@@ -30,9 +31,9 @@ def add_scenes(verbs: Any) -> None:
             action="append",
             default=[],
             choices=[name for name in FORMATS if name != "csv"],
-            help="also write this format; more than once",
+            help="also write this format; may be repeated",
         ),
-        switch("--force", "write those formats in spite of errors"),
+        switch("--force", "write these formats even if the track has errors"),
         *WORKERS,
         QUIET,
         help="render sampled scenes to one CSV track per finger and device",
@@ -46,12 +47,18 @@ def add_scenes(verbs: Any) -> None:
         "curve",
         SCENE,
         argument("--out", type=Path, required=True, metavar="FILE", help="the new scene, NAME.npz"),
-        argument("--object", action="append", default=[], metavar="NAME", help="only this one; more than once"),
         argument(
-            "--sharp", type=angle, default=30.0, metavar="DEGREES", help="faces that meet at more keep their edge (30)"
+            "--object", action="append", default=[], metavar="NAME", help="change only this object; may be repeated"
+        ),
+        argument(
+            "--sharp",
+            type=angle,
+            default=30.0,
+            metavar="DEGREES",
+            help="edges between faces that meet at a larger angle stay sharp (30)",
         ),
         help="curve the faces of a sampled scene's objects",
-        description="Write a sampled scene in which objects have the curved surfaces that their faces stand for.",
+        description="Write a sampled scene in which the curved surfaces of smooth shading replace flat faces.",
         run="command_line.scenes.curve",
         writes={"out": False},
     )
@@ -64,21 +71,22 @@ def add_scenes(verbs: Any) -> None:
             default="",
             choices=["", "fine", "reference"],
             metavar="LEVEL",
-            help="also judge the commands on a finer mesh: fine or reference",
+            help="also evaluate the commands on a finer mesh: fine or reference",
         ),
         argument(
             "--out",
             type=Path,
             metavar="DIR",
-            help="send one finger's touch through every device instead; folder for the table (CSV) and page (HTML)",
+            help="compare devices instead of methods, for one finger's touch; folder for the table (CSV) and the page "
+            "(HTML)",
         ),
-        argument("--finger", type=int, default=0, metavar="I", help="which finger's touch, for --out"),
-        switch("--floor", "for --out: also find how good any pose of a device could be, which takes minutes"),
+        argument("--finger", type=int, default=0, metavar="I", help="index of the finger, for --out (0)"),
+        switch("--floor", "for --out: also compute the smallest error of any pose of a device, which takes minutes"),
         PRESETS,
         QUIET,
-        help="how far each matching method of a pin array, or each device, would miss",
-        description="Say how far each matching method of a pin array would miss for a sampled scene; with --out, how "
-        "far each device would.",
+        help="errors of each matching method of a pin array, or of each device",
+        description="Print the error of each matching method of a pin array for a sampled scene; with --out, the error "
+        "of each device.",
         run="command_line.scenes.compare",
         writes={"out": True},
     )
@@ -90,9 +98,10 @@ def add_scenes(verbs: Any) -> None:
         switch("--plots", "for --out: also write a picture of each track with its band"),
         PRESETS,
         QUIET,
-        help="how much forces and commands change where the scene hardly does",
-        description="Render a sampled scene again, shifted by 0.1 um, with half the step, and mirrored; say how much "
-        "its forces and commands change. A finding warns where that is more than 5 % of a channel's peak.",
+        help="how much forces and commands change under tiny changes of the scene",
+        description="Render a sampled scene again, shifted by 0.1 um, at twice the sample rate, and mirrored; print "
+        "how much its forces and commands change. A finding warns if a channel changes by more than 5 % of its "
+        "peak.",
         run="command_line.scenes.trust",
         writes={"out": True},
     )
@@ -124,10 +133,10 @@ def add_scenes(verbs: Any) -> None:
         "floor",
         SCENE,
         *THIMBLE,
-        argument("--finger", type=int, default=0, metavar="I", help="which finger's touch"),
+        argument("--finger", type=int, default=0, metavar="I", help="index of the finger (0)"),
         argument("--out", type=Path, metavar="FILE.json", help="also write the figures to this file"),
         QUIET,
-        help="how good any pose of a device could be for a touch",
+        help="smallest error of any pose of a device for a touch",
         description="Find the best pose of a thimble or six-leg platform at every sample of a scene's touch, and "
         "report the error of the device, of the best pose found, and with additional axes along the pad.",
         run="command_line.floor.floor",

@@ -129,7 +129,9 @@ def _devices(options: argparse.Namespace, scene: TactileScene, library: Library)
     Print the comparison, write it as a table and a page, and return the exit status.
     """
     if options.finer:
-        raise DermisError("a finer mesh judges methods, not devices", value=options.finer, remedy="Leave out --finer")
+        raise DermisError(
+            "--finer applies to matching methods, not to devices", value=options.finer, remedy="Leave out --finer"
+        )
     found = drain_shown(
         device_comparison.compare_devices(scene, library, options.finger, floors=options.floor), quiet=options.quiet
     )

@@ -45,12 +45,12 @@ def add_sensors(verbs: Any) -> None:
         ),
         argument("--out", type=Path, required=True, metavar="FILE.csv", help="the command track to write"),
         argument("--plot", type=Path, metavar="FILE", help="also draw the track: .png or .svg"),
-        argument("--motors", type=int, metavar="K", help="move along K principal components of the commands alone"),
+        argument("--motors", type=int, metavar="K", help="use only K principal components of the commands"),
         argument(
             "--method",
             default="learned",
             choices=("learned", "lookup"),
-            help="of a thimble: search with a learned model, or look up the nearest rows as platforms do (learned)",
+            help="for a thimble: search with a learned model, or look up the nearest rows as for platforms (learned)",
         ),
         argument(
             "--noise",
@@ -79,27 +79,44 @@ def add_sensors(verbs: Any) -> None:
             "--sensor",
             required=True,
             metavar="FROM",
-            help="who tells the readings of the sensor in the device: osc://:PORT, socket://HOST:PORT, "
+            help="source of the readings of the sensor in the device: osc://:PORT, socket://HOST:PORT, "
             "serial:PORT?baud=RATE, '-', or virtual: in a virtual device",
         ),
-        argument("--channels", default="20", metavar="NAMES", help="of the sensor, with commas, or their number (20)"),
-        argument("--rows", type=int, metavar="N", help="about how many poses; as the preset says if left out"),
-        argument("--skin", default=DEFAULT_SKIN, metavar="PRESET", help="a skin of the sensor's size: where it begins"),
+        argument(
+            "--channels",
+            default="20",
+            metavar="NAMES",
+            help="names of the sensor's channels, separated by commas, or their number (20)",
+        ),
+        argument("--rows", type=int, metavar="N", help="approximate number of poses; the preset's own if left out"),
+        argument(
+            "--skin",
+            default=DEFAULT_SKIN,
+            metavar="PRESET",
+            help="skin preset of the sensor's size, which gives first contact",
+        ),
         LEVEL,
-        argument("--settle", type=seconds, default=0.1, metavar="S", help="hold a pose for so long before it is read"),
-        argument("--average", type=seconds, default=0.1, metavar="S", help="read a pose for so long (0.1)"),
+        argument("--settle", type=seconds, default=0.1, metavar="S", help="time in a pose before it is read (0.1)"),
+        argument(
+            "--average",
+            type=seconds,
+            default=0.1,
+            metavar="S",
+            help="time over which the readings of a pose are averaged (0.1)",
+        ),
         argument(
             "--stop-at",
             action="append",
             default=[],
             metavar="CHANNEL=CHANGE",
-            help="safe state and end where a channel, such as a force, is farther from its rest; more than once",
+            help="go to the safe state and end if a channel, such as a force, differs from its rest by more than "
+            "CHANGE; may be repeated",
         ),
         argument("--out", type=Path, required=True, metavar="FILE.csv", help="the table to write"),
         switch("--yes", "arm without asking"),
         help="collect a look-up table from a built device with the sensor in it",
         description="Move a device through its poses, each from rest, and read the sensor in it. Every 50th row reads "
-        "an earlier one again, which tells the drift. After a break the same command goes on where it was.",
+        "an earlier one again, which gives the drift. After a break, the same command continues.",
         run="command_line.collect.run",
         writes={"out": False},
     )
@@ -109,7 +126,11 @@ def add_sensors(verbs: Any) -> None:
         TRACK,
         argument("recording", type=Path, metavar="RECORDING", help="readings of the sensor while the track was played"),
         argument(
-            "--table", type=Path, required=True, metavar="FILE", help="of this device and this sensor: .csv or .npz"
+            "--table",
+            type=Path,
+            required=True,
+            metavar="FILE",
+            help="table of this device and this sensor: .csv or .npz",
         ),
         argument("--target", type=Path, metavar="FILE", help="the recording that the track follows"),
         argument(
@@ -120,7 +141,7 @@ def add_sensors(verbs: Any) -> None:
         argument("--out", type=Path, metavar="DIR", help="write text, table (CSV) and picture there"),
         help="compare the readings of a played track with their target",
         description="Compare target, estimate and measurement of a track that was played with the sensor in the "
-        "device: relative RMS, mean and standard deviation, by channel and by component. A sync pulse also tells the "
+        "device: relative RMS, mean and standard deviation, by channel and by component. A sync pulse also gives the "
         "device's delay.",
         run="command_line.follow.validate",
         writes={"out": True},

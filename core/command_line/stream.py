@@ -66,5 +66,8 @@ def cards(_options: argparse.Namespace) -> int:
     found = card.names()
     print("\n".join(found))
     if not found:
-        print("no sound card qualifies: exclusive to one program, and not the system's default", file=sys.stderr)
+        print(
+            "no sound card qualifies: it must be exclusive to one program, and not the system's default",
+            file=sys.stderr,
+        )
     return 0

@@ -21,13 +21,13 @@ CARD = argument(
 # Help texts for settings of the format 'wav' in `stream sound` (TO_A_CARD) and `stream daq` (TO_AN_OUTPUT), where their
 # meaning differs from that in a file.
 TO_A_CARD = {
-    "full_scale": "required: peak voltage that the sound card gives for the largest sample: 1.414 times the RMS volts "
-    "that a meter shows of a full-scale tone",
+    "full_scale": "required: peak voltage of the sound card for the largest sample: 1.414 times the RMS voltage that a "
+    "meter shows for a full-scale tone",
     "gain": "required: voltage gain of the amplifier between sound card and device; 1 without one",
 }
 TO_AN_OUTPUT = {
-    "rate": "samples a second of the output (48000 Hz)",
-    "full_scale": "range of the output, either way; if left out, the one that gives the device's limit",
+    "rate": "samples per second of the output (48000 Hz)",
+    "full_scale": "range of the output in both directions; if left out, that of the device's limit",
     "gain": "required: voltage gain of the amplifier between output and device; 1 without one",
     "offset": "constant voltage at the device, added to the track's (0 V)",
 }
@@ -51,8 +51,8 @@ def add_streams(commands: Any) -> None:
         setting("ramp"),
         switch("--yes", "arm without asking; its warnings are printed"),
         help="play a track to a device, once",
-        description="Play a track to a device, once. Exit status: 0; 1 where the device refused more than 1 % of the "
-        "commands or took them too late, or where the log is not whole; 2 where it was not played to its end; 128 and "
+        description="Play a track to a device, once. Exit status: 0; 1 if the device refused more than 1 % of the "
+        "commands or took them too late, or if the log is not whole; 2 if it was not played to its end; 128 and "
         "a signal's number.",
         run="stream.play_command.play",
     )
@@ -62,20 +62,20 @@ def add_streams(commands: Any) -> None:
         TRACK,
         CARD,
         argument(
-            "--measured", type=Path, required=True, metavar="FILE", help="what 'stream loopback' found of the card"
+            "--measured", type=Path, required=True, metavar="FILE", help="measurement of the card by 'stream loopback'"
         ),
         *settings_of("wav", TO_A_CARD),
         switch("--yes", "play without asking"),
         help="play a voice coil's or a screen's track through a sound card, once",
-        description="Play the voltage of a track through a sound card that no other program uses. Exit status: 0; 1 "
-        "where the card ran dry; 128 and a signal's number.",
+        description="Play the voltage of a track through a sound card that no other program uses. Exit status: 0; 1 if "
+        "the card ran out of samples; 128 plus a signal's number.",
         run="stream.sound.play.sound",
     )
     add_verb(
         verbs,
         "loopback",
         CARD,
-        argument("--rate", type=int, default=48_000, metavar="HZ", help="samples a second (48000)"),
+        argument("--rate", type=int, default=48_000, metavar="HZ", help="samples per second (48000)"),
         argument("--out", type=Path, metavar="FILE", help="write the measurement, for 'stream sound'"),
         help="measure a sound card with a cable from its output to its input",
         description="Measure gain, latency, jitter, corner and clipping of a sound card with a cable from out to in, "
@@ -95,7 +95,7 @@ def add_streams(commands: Any) -> None:
         switch("--yes", "play without asking"),
         help="play a voice coil's or a screen's track through an NI device, once, and measure forces",
         description="Play the voltage of a track through an analog output of an NI device, clocked by the device, and "
-        "log a force sensor at its inputs meanwhile. Exit status: 0; 2 where it was not played to its end; 128 and a "
+        "log a force sensor at its inputs meanwhile. Exit status: 0; 2 if it was not played to its end; 128 and a "
         "signal's number.",
         run="stream.daq.play.daq",
         writes={"forces": False},
@@ -104,7 +104,8 @@ def add_streams(commands: Any) -> None:
         verbs,
         "cards",
         help="list the sound cards that may drive an amplifier",
-        description="List the sound cards that may drive an amplifier: exclusive to one program, and not the default.",
+        description="List the sound cards that may drive an amplifier: exclusive to one program, and not the system's "
+        "default.",
         run="command_line.stream.cards",
     )
     add_verb(
@@ -118,14 +119,14 @@ def add_streams(commands: Any) -> None:
             "--touch",
             default="device",
             metavar="FROM",
-            help="who tells where the finger is: the device's own panel ('device', if left out), osc://:PORT or "
+            help="source of the finger's position: the device's own panel ('device', the default), osc://:PORT or "
             "osc://HOST:PORT to listen at, serial:PORT?baud=RATE, '-' for standard input, 'mouse' in a window",
         ),
         argument(
             "--unit",
             default="mm",
             choices=("m", "mm"),
-            help="of x and y in lines 'x y [down]', from the screen's centre (mm)",
+            help="unit of x and y in lines 'x y [down]', measured from the screen's centre (mm)",
         ),
         switch("--yes", "arm without asking"),
         help="answer a finger on a touch screen, until Ctrl-C",
@@ -147,8 +148,9 @@ def add_streams(commands: Any) -> None:
             "--sensor",
             required=True,
             metavar="FROM",
-            help="who tells the sensor's readings: osc://:PORT or osc://HOST:PORT to listen at for '/dermis/sensor', "
-            "socket://HOST:PORT, serial:PORT?baud=RATE or '-' (standard input) for lines of a number a channel",
+            help="source of the sensor's readings: osc://:PORT or osc://HOST:PORT to listen at for '/dermis/sensor', "
+            "socket://HOST:PORT, serial:PORT?baud=RATE or '-' (standard input) for lines with one number per "
+            "channel",
         ),
         *LINK,
         *LOG,
@@ -158,7 +160,8 @@ def add_streams(commands: Any) -> None:
             type=seconds,
             default=1.0,
             metavar="S",
-            help="measure the untouched sensor's rest and noise for so long before arming; 0: as the table says (1)",
+            help="time before arming in which rest and noise of the untouched sensor are measured; 0: "
+            "those of the table (1)",
         ),
         argument(
             "--noise", type=float, metavar="SIGMA", help="standard deviation of one channel; measured if left out"
@@ -190,8 +193,8 @@ def add_streams(commands: Any) -> None:
         argument(
             "files", type=Path, nargs="+", metavar="FILE", help="binary logs (.dlog): one, or all files of one log"
         ),
-        argument("--out", type=Path, metavar="FILE.csv", help="the CSV to write; without it, the log is summed up"),
-        help="sum a binary log up, or make CSV of it",
+        argument("--out", type=Path, metavar="FILE.csv", help="the CSV to write; without it, a summary is printed"),
+        help="summarize a binary log, or convert it to CSV",
         run="command_line.stream_log.run",
         writes={"out": False},
     )
@@ -199,7 +202,7 @@ def add_streams(commands: Any) -> None:
         verbs,
         "pair",
         argument("--url", required=True, metavar="PORT", help="the board's serial port, see 'stream ports'"),
-        argument("--network", required=True, metavar="NAME", help="the Wi-Fi that it shall join, of 2.4 GHz"),
+        argument("--network", required=True, metavar="NAME", help="name of the 2.4 GHz Wi-Fi that the board joins"),
         switch("--open", "the Wi-Fi has no password; otherwise it is asked for, and not shown"),
         help="pair an ESP32 with this computer over USB, for its Wi-Fi",
         description="Pair an ESP32 with this computer over USB: it keeps a random key, joins the Wi-Fi, and then "
@@ -211,11 +214,11 @@ def add_streams(commands: Any) -> None:
         "virtual",
         *device("haptip"),
         argument(
-            "--at", choices=("pty", "tcp", "udp"), help="where it can be reached (pty; udp for a protocol of datagrams)"
+            "--at", choices=("pty", "tcp", "udp"), help="kind of its address (pty; udp for a protocol of datagrams)"
         ),
         argument("--every", type=seconds, default=0.0, metavar="S", help="print a report this often"),
         argument(
-            "--fault", action="append", default=[], metavar="NAME=VALUE", help=f"more than once: {', '.join(NAMES)}"
+            "--fault", action="append", default=[], metavar="NAME=VALUE", help=f"may be repeated: {', '.join(NAMES)}"
         ),
         help="run a virtual device until its input ends",
         description="Run a virtual device, and print its address. It ends with its standard input: in a terminal by "
@@ -233,7 +236,7 @@ def add_streams(commands: Any) -> None:
             action="append",
             choices=CHECKS,
             metavar="CHECK",
-            help=f"one check, more than once: {', '.join(CHECKS)}",
+            help=f"one check; may be repeated: {', '.join(CHECKS)}",
         ),
         argument("--out", type=Path, metavar="FILE", help="report (acceptance_DEVICE_DATE.md in this folder)"),
         help="try a built device on the bench, and write a dated report",
@@ -248,10 +251,14 @@ def add_streams(commands: Any) -> None:
         argument("--device", required=True, default="", metavar="KEY", help="device preset"),
         *SPEAKS,
         *LINK,
-        argument("--channel", required=True, metavar="NAME", help="whose curve is measured"),
-        argument("--points", type=int, default=11, metavar="N", help="stops on each way, up and down (11)"),
+        argument("--channel", required=True, metavar="NAME", help="channel to measure"),
+        argument("--points", type=int, default=11, metavar="N", help="stops in each direction, up and down (11)"),
         argument(
-            "--valid-days", type=int, default=30, metavar="N", help="after so long Connect says it is old; 0: never"
+            "--valid-days",
+            type=int,
+            default=30,
+            metavar="N",
+            help="days after which Connect reports the calibration as old; 0: never",
         ),
         argument("--out", type=Path, metavar="FILE", help="calibration (calibration_DEVICE_CHANNEL_DATE.json)"),
         help="measure what an actuator reaches on the bench, and write its calibration",

@@ -14,17 +14,17 @@ def add_thimbles(commands: Any) -> None:
     verbs = commands.add_parser(
         "thimble",
         help="adapt, plot and measure a thimble",
-        description="Adapt a thimble to a finger, draw the stimulus plot, tell the reach. What follows recordings is "
+        description="Adapt a thimble to a finger, draw the stimulus plot, print the reach. To follow recordings, use "
         "the verb 'follow'.",
     ).add_subparsers(required=True, metavar="WHAT")
     add_verb(
         verbs,
         "adapt",
         *THIMBLE,
-        argument("--skin", default=[DEFAULT_SKIN], nargs="+", metavar="PRESET", help="skin presets, a finger each"),
+        argument("--skin", default=[DEFAULT_SKIN], nargs="+", metavar="PRESET", help="skin presets, one per finger"),
         LEVEL,
         TISSUE,
-        argument("--out", type=Path, required=True, metavar="DIR", help="folder for the surrogates' two files each"),
+        argument("--out", type=Path, required=True, metavar="DIR", help="folder for the surrogates, two files each"),
         argument("--movements", type=int, metavar="N", help="random movements to learn from; 2400 if left out"),
         *WORKERS,
         QUIET,
@@ -43,4 +43,4 @@ def add_thimbles(commands: Any) -> None:
         run="command_line.thimble.plot",
         writes={"out": False},
     )
-    add_verb(verbs, "reach", *THIMBLE, help="tell where the platform can go", run="command_line.thimble.reach")
+    add_verb(verbs, "reach", *THIMBLE, help="print the range of the platform", run="command_line.thimble.reach")

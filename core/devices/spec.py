@@ -222,7 +222,7 @@ def _group(preset: Mapping[str, Any], name: str, where: str) -> Mapping[str, Any
 def _number(field: Any, where: str) -> float:
     value = quantity(field, where=where)
     if isinstance(value, list):
-        raise DermisError("one number is needed, not a list", where=where, value=value)
+        raise DermisError("needs one number, not a list", where=where, value=value)
     return float(value)
 
 
@@ -236,7 +236,11 @@ def _link_budget(entries: Mapping[str, Any], where: str) -> dict[str, float]:
         if budget[name] < 0:
             raise DermisError("must not be below zero", where=place, value=budget[name], limit=">= 0")
     if budget.get("bandwidth") and not (budget.get("bits_per_sample") or budget.get("bits_per_channel")):
-        raise DermisError("a bandwidth needs the cost of a sample", where=f"{where}, wire", limit=", ".join(WIRE[1:]))
+        raise DermisError(
+            "a bandwidth needs 'bits_per_sample' or 'bits_per_channel'",
+            where=f"{where}, wire",
+            limit=", ".join(WIRE[1:]),
+        )
     return budget
 
 

@@ -110,6 +110,6 @@ def _refusal(
         "a part of the tissue is not held: it can move without being deformed",
         where=where,
         value=f"{np.count_nonzero(mine)} elements about ({x:.2f}, {y:.2f}, {z:.2f}) mm: {bone}{joint}",
-        limit="three fixed nodes, not on one line, or a face shared with what is held",
+        limit="three fixed nodes, not on one line, or a face shared with a held part",
         remedy="Name the nodes on bone and nail as fixed, or join the part to the rest by whole faces",
     )

@@ -87,7 +87,7 @@ def make_surface(
     cache = Cache(Path(str(parameters["folder"])), int(parameters["limit"]))
     shape, material = shape_and_material(parameters["skin"])
     if shape is None:
-        raise DermisError("a mesh of one's own has no smooth pad", where="skin", code="no-smooth-pad")
+        raise DermisError("a mesh of your own has no smooth pad", where="skin", code="no-smooth-pad")
     level = str(parameters.get("level", QUICK))
     made = drain(make_remainder(shape, material.poisson, level, cache=cache), lambda step: report(*step))
     report(STEPS, STEPS)

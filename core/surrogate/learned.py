@@ -50,12 +50,15 @@ class LearnedModel:
         sizes = n, trial_space.size, 0 if friction is None else friction.size
         if fit.inputs != sum(sizes):
             raise DermisError(
-                "the fit has other inputs than the model", where="surrogate", value=fit.inputs, limit=str(sum(sizes))
+                "fit and model have different numbers of inputs",
+                where="surrogate",
+                value=fit.inputs,
+                limit=str(sum(sizes)),
             )
         places, wanted_places = trial_space.mean.size // 3, len(trial.places)
         if places != wanted_places:
             raise DermisError(
-                "the surrogate was made for skin that is pressed elsewhere",
+                "the surrogate was made for other pressed points",
                 where="surrogate",
                 value=f"{places} places",
                 limit=str(wanted_places),

@@ -213,7 +213,7 @@ class OnnxFit:
             fits = len(sizes) == len(shape) and all(b is None or a == b for a, b in zip(sizes, shape, strict=True))
             if kind != "tensor(double)" or not fits:
                 raise DermisError(
-                    f"'{name}' is not what a surrogate has",
+                    f"'{name}' has the wrong type or shape",
                     where=where,
                     value=f"{kind} {sizes}",
                     limit=f"tensor(double) {shape}",
@@ -245,7 +245,7 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
         raise
     except (ValueError, IndexError, struct.error) as error:
         raise DermisError(
-            "not a whole ONNX file",
+            "the ONNX file is incomplete or damaged",
             where=where,
             value=str(error) or None,
             remedy="Make it again, or use the direct method",
@@ -267,7 +267,7 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
             remedy="Use a surrogate made here, or the direct method",
         )
     if not 1 <= opset <= OPSET:
-        raise DermisError("another ONNX operator set", where=where, value=opset, limit=f"1 to {OPSET}")
+        raise DermisError("unsupported ONNX operator set", where=where, value=opset, limit=f"1 to {OPSET}")
     sizes = [meta.get(n) for n in ("inputs", "outputs")]
     freedoms = meta.get("freedoms", 3)  # older files, made only for three degrees of freedom, lack it
     enough = type(freedoms) is int and freedoms in (3, 6)

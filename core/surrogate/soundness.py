@@ -55,7 +55,7 @@ def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
     for name, (part, shape) in wanted.items():
         if part.shape != shape or 0 in shape:
             raise DermisError(
-                f"the surrogate's '{name}' has another shape",
+                f"the surrogate's '{name}' has the wrong shape",
                 where=where,
                 value=part.shape,
                 limit=str(shape),
@@ -76,7 +76,7 @@ def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
     modulus = made.meta.get("modulus")
     if isinstance(modulus, bool) or not isinstance(modulus, int | float) or not 0.0 < modulus < np.inf:
         raise DermisError(
-            "the surrogate was made for no stiffness", where=where, value=modulus, limit="> 0 Pa", remedy=REMEDY
+            "the surrogate states no valid stiffness", where=where, value=modulus, limit="> 0 Pa", remedy=REMEDY
         )
 
 

@@ -150,7 +150,9 @@ def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
         DermisError: the network was read from a file, or a file cannot be written.
     """
     if not isinstance(surrogate.network, Network):
-        raise DermisError("this surrogate came from a file", where=str(path), remedy="Copy the file")
+        raise DermisError(
+            "a surrogate that was read from a file cannot be saved", where=str(path), remedy="Copy the file"
+        )
     spaces, meta = surrogate.descriptors, dict(surrogate.meta)
     arrays: dict[str, NDArray[Any]] = {"meta": np.frombuffer(json.dumps(meta, sort_keys=True).encode(), np.uint8)}
     for name, space in (("stress", spaces.stress), ("trial", spaces.trial), ("friction", spaces.friction)):

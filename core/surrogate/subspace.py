@@ -53,7 +53,7 @@ def principal_components(samples: Array, *, tolerance: float = TOLERANCE, size: 
     if samples.ndim != 2 or len(samples) < 2:
         raise DermisError("principal components need at least two samples", where="subspace", value=samples.shape)
     if not np.isfinite(samples).all():
-        raise DermisError("samples that are not finite", where="subspace")
+        raise DermisError("the samples have values that are not finite", where="subspace")
     mean = samples.mean(axis=0)
     centred = samples - mean
     if len(samples) > samples.shape[1]:

@@ -46,7 +46,7 @@ class Surrogate:
             DermisError: `kind` is unknown, or the surrogate was made for another skin.
         """
         if kind not in ("network", "ridge"):
-            raise DermisError("unknown surrogate", where="thimble", value=kind, limit="network, ridge")
+            raise DermisError("unknown kind of surrogate", where="thimble", value=kind, limit="network, ridge")
         check_made_for(self.meta, "skin", skin.key, "surrogate")
         fit = self.network if kind == "network" else self.ridge
         stiffness = skin.material.modulus / float(self.meta["modulus"])

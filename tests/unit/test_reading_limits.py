@@ -251,7 +251,7 @@ BOMBS: list[tuple[Callable[[Path], None], str, str]] = [
     (nested_key_sweep, "spec.read", "nested too deeply"),
     (nested_inline_sweep, "spec.read", "nested too deeply"),
     (wide_sweep, "spec.read", "too large"),
-    (hexadecimal_sweep, "spec.read", "not a number that can be used"),
+    (hexadecimal_sweep, "spec.read", "the whole number has too many digits"),
     (twice_preset, "presets.read", "a key appears twice"),
     (headed_csv, "export.read", "is missing in the header"),
     (broad_csv, "export.read", "the number of rows"),

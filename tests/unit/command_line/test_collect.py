@@ -109,7 +109,7 @@ def test_a_reading_beyond_the_limit_ends_it_in_the_safe_state_and_rows_stay(tmp_
 def test_what_cannot_be_collected_is_refused_before_anything_moves(tmp_path, capsys):
     out = ["--out", str(tmp_path / "t.csv")]
     for words, said in (
-        (["--url", "/dev/ttyNone9", "--sensor", "virtual:", *out], "a virtual sensor is in a virtual device"),
+        (["--url", "/dev/ttyNone9", "--sensor", "virtual:", *out], "a virtual sensor needs a virtual device"),
         ([*DEVICE, *out, "--stop-at", "force=3"], "not CHANNEL=CHANGE"),
         ([*DEVICE, *out, "--stop-at", "pressure=-1"], "not CHANNEL=CHANGE"),
         (["--url", "virtual:", "--sensor", "telepathy", *out], "no such source of readings"),

@@ -152,7 +152,7 @@ def rewritten(data, **changes):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda d: b"MZ not a model at all", "not a whole ONNX file|did not make"),
+        (lambda d: b"MZ not a model at all", "the ONNX file is incomplete or damaged|did not make"),
         (lambda d: d.replace(b"dermis-surrogate 2", b"someone-elses-one2"), "did not make"),
         (lambda d: d.replace(b"jacobian", b"gradient"), "'jacobian' is not"),
         (lambda d: d.replace(b"features", b"measures"), "'features' is not"),
@@ -164,7 +164,7 @@ def rewritten(data, **changes):
             ),
             "operator set",
         ),
-        (lambda d: rewritten(d, inputs=9), "is not what a surrogate has"),
+        (lambda d: rewritten(d, inputs=9), "has the wrong type or shape"),
         (lambda d: rewritten(d, outputs=-1), "impossible sizes"),
         (lambda d: rewritten(d, skin="another"), "trained for another skin"),
         (lambda d: d.replace(b"MatMul", b"MutMal"), "cannot run"),

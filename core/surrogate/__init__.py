@@ -1,1 +1,4 @@
-"""Surrogates: learned models of a device pose's effect on skin or a sensor, and the direct model."""
+"""Models of the effect of a device's pose on skin or on a sensor.
+
+The models are learned, or solve the contact directly.
+"""

@@ -1,4 +1,7 @@
-"""Dataset: what a skin feels along random movements of the device; what surrogates and subspaces are made from."""
+"""Dataset: forces on a skin in random movements of a device.
+
+Surrogates and subspaces are trained with these data.
+"""
 
 from __future__ import annotations
 
@@ -17,27 +20,29 @@ from ..devices.first_contact import first_contact
 from ..errors import DermisError
 from .trial import TrialForce
 
-MAX_TILT = np.radians(25.0)
-MAX_LATERAL = np.array([1.5e-3, 1.5e-3, np.radians(10.0)])  # shifts [m] and yaw to either side, where a device has them
-MAX_DEPTH = 1.6e-3  # [m] beyond first contact
-CLEARANCE = 0.6e-3  # [m] before it
-MAX_FORCE = 4.0  # [N] a movement ends where it is reached
-STEPS = (8, 32)  # from one end of a movement to the other: the friction state must be known for small steps and large
+MAX_TILT = np.radians(25.0)  # [rad] largest pitch and roll to either side
+MAX_LATERAL = np.array([1.5e-3, 1.5e-3, np.radians(10.0)])  # [m, m, rad] largest shifts and yaw to either side
+MAX_DEPTH = 1.6e-3  # [m] largest movement into the skin after first contact
+CLEARANCE = 0.6e-3  # [m] largest distance before first contact at which a movement starts
+MAX_FORCE = 4.0  # [N] a movement ends after the first sample with a larger force
+# Least and largest number of steps from one configuration to the next. Small and large steps are recorded, because the
+# surrogate must predict the effect of the friction state for both.
+STEPS = (8, 32)
 
 
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """Samples along random movements of the device, those in contact only.
+    """Samples of random movements of the device, all with contact.
 
     Attributes:
-        x: configuration, shape (n, 3), or (n, 6) of a device with six freedoms.
-        force: on the pad nodes [N], float32, shape (n, 3 m).
-        before: forces one step earlier on the p places that are pressed, which is the friction state that the step
-            began with [N], shape (n, 3 p).
-        trial: forces that each place would have by itself, from that state and the new pose [N], shape (n, 3 p), x of
-            all places first.
-        trajectory: which movement each sample belongs to, shape (n,).
-        friction: Coulomb's coefficient.
+        x: configurations, shape (n, 3), or (n, 6) for a device with six degrees of freedom.
+        force: forces on the m pad nodes [N], shape (n, 3 m).
+        before: forces on the p pressed points at the end of the previous step [N], shape (n, 3 p). They are part of the
+            friction state with which the step begins.
+        trial: trial forces on the p pressed points at the new pose [N], see `TrialForce`, shape (n, 3 p), with x of all
+            points first. They begin with the same friction state.
+        trajectory: number of the movement to which each sample belongs, shape (n,).
+        friction: Coulomb's coefficient of friction.
     """
 
     x: Array
@@ -51,7 +56,7 @@ class Dataset:
         return len(self.x)
 
     def rows(self, chosen: NDArray[np.bool_]) -> Dataset:
-        """Return some of the samples."""
+        """Return the samples for which `chosen`, shape (n,), is true."""
         x, force, before, trial, owner = self.x, self.force, self.before, self.trial, self.trajectory
         return Dataset(x[chosen], force[chosen], before[chosen], trial[chosen], owner[chosen], self.friction)
 
@@ -68,18 +73,27 @@ def record(
     max_tilt: float = MAX_TILT,
     pressed: int = 1,
 ) -> Generator[tuple[int, int], None, Dataset]:
-    """Move the device between random configurations and record; yields movements done and in all.
+    """Move the device between random configurations and record samples.
 
-    Every movement starts clear of the skin and ends pressed into it, as far as the servos allow; tilts are uniform, and
-    distances uniform about first contact at their tilt.
+    Yields (finished, all) movements and returns the dataset. Each movement starts clear of the skin and goes to one or
+    more configurations in the skin. It ends early at a configuration that the device cannot reach, or after a sample
+    with more than the largest force. Tilts are uniformly distributed, and so are distances before or after first
+    contact at their tilt.
 
     Args:
-        steps: fewest and most from one configuration to the next.
-        pressed: configurations pressed into the skin that a movement goes through; with more than one it presses, rolls
-            and lets go as devices do in use, and friction remembers more than one way.
+        device: the mechanism.
+        contact: contact of its disc with the skin.
+        trajectories: number of movements.
+        seed: seed of the random numbers.
+        steps: least and largest number of steps from one configuration to the next.
+        max_force: force at which movements end [N].
+        max_depth: largest movement into the skin after first contact [m].
+        max_tilt: largest pitch and roll to either side [rad].
+        pressed: number of configurations in the skin in each movement. With more than one, a movement presses, rolls
+            and releases, as devices do in use, so that friction states after different paths are recorded.
 
     Raises:
-        DermisError: servo limits that exclude contact, or nothing recorded.
+        DermisError: the servo limits exclude contact, or no sample touches.
 
     Source: [S0] 4.1
     """
@@ -113,7 +127,11 @@ def record(
 
 
 def joined(parts: Sequence[Dataset]) -> Dataset:
-    """Return datasets as one; movements stay apart."""
+    """Join datasets.
+
+    The movements are numbered anew, so that no two of them have one number. The coefficient of friction is that of the
+    first dataset.
+    """
     first = np.cumsum([0, *(part.trajectory.max() + 1 for part in parts)])
     owner = np.concatenate([part.trajectory + at for part, at in zip(parts, first[:-1], strict=True)])
     x, force, before, trial = (
@@ -123,7 +141,14 @@ def joined(parts: Sequence[Dataset]) -> Dataset:
 
 
 def split(trajectory: Indices, share: float = 0.5, seed: int = 0) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return masks of training and test samples; no movement is in both, for its samples are alike.
+    """Return masks of the training samples and of the test samples.
+
+    Whole movements are assigned to one of the sets, because samples of one movement are too similar to test each other.
+
+    Args:
+        trajectory: number of the movement of each sample, shape (n,).
+        share: share of the movements for training; at least one movement is used for it.
+        seed: seed of the choice.
 
     Source: [S0] 4.2, 'half of the data'; by movement, as this product's corrections say.
     """
@@ -134,7 +159,7 @@ def split(trajectory: Indices, share: float = 0.5, seed: int = 0) -> tuple[NDArr
 
 
 def _between(ends: list[Array], rng: np.random.Generator, steps: tuple[int, int]) -> Iterator[Array]:
-    """Yield configurations on straight ways from end to end."""
+    """Yield configurations on straight lines from each of `ends` to the next."""
     yield ends[0]
     for a, b in pairwise(ends):
         count = int(rng.integers(steps[0], steps[1] + 1))

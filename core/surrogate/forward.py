@@ -19,9 +19,9 @@ from ..skin.stimulus import Stimulus
 
 
 class ForwardModel(Protocol):
-    """Interface of models that return the stimulus for a configuration.
+    """Interface of models of the stimulus for a configuration.
 
-    They also return its derivative. The friction state is fixed beforehand.
+    Models return the stimulus and its derivative. The friction state is fixed beforehand.
 
     Source: [S0] 3.4, sigma(x, f).
     """
@@ -49,8 +49,8 @@ class DirectModel:
     Args:
         device: the mechanism.
         contact: contact of the disc with the skin.
-        observation: the observed quantities. For linear skin a matrix is enough, which maps forces on the pad nodes to
-            stimulus components, shape (k, 3 m). It is used for the touch and for the disc.
+        observation: the observed quantities. For linear skin, a matrix that maps forces on the pad nodes to stimulus
+            components, shape (k, 3 m), is enough. The stimulus of a touch must be observed in the same way.
 
     Raises:
         DermisError: the observation does not fit the skin, or is a matrix although the skin follows a law.
@@ -91,7 +91,7 @@ class DirectModel:
         self._last = None
 
     def evaluate(self, x: Array) -> tuple[Array, Array]:
-        """Return the stimulus and its derivative on linear skin."""
+        """Return the stimulus and its derivative, computed on linear skin."""
         found = self.solution(x)
         if self._chosen != self.contact.choice:
             columns = (3 * found.near[:, None] + np.arange(3)).ravel()
@@ -137,7 +137,7 @@ class DirectModel:
     def looked(self, x: Array) -> DiscSolution:
         """Return the contact solved by the law.
 
-        Later evaluations use the correction found here.
+        Later evaluations use the correction found here. On linear skin the result is that of `solution`.
         """
         if self.contact.law is None:
             return self.solution(x)

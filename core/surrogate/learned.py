@@ -1,4 +1,8 @@
-"""LearnedModel: a fit in place of the contact, told where each node touches and sticks, and what friction remembers."""
+"""LearnedModel: a fit instead of the solution of contact.
+
+The inputs of the fit are the configuration, the trial forces, which show where points touch and stick, and the forces
+at the end of the previous step.
+"""
 
 from __future__ import annotations
 
@@ -16,23 +20,27 @@ from .subspace import TOLERANCE, Subspace, principal_components
 from .table import Fit, SampleTable
 from .trial import TrialForce
 
-TRIAL_COMPONENTS, FRICTION_COMPONENTS = 30, 20  # more cost time in every evaluation and tell hardly more
+# Largest numbers of components of trial forces and of the previous step's forces. More components take time in every
+# evaluation and add hardly any information.
+TRIAL_COMPONENTS, FRICTION_COMPONENTS = 30, 20
 
 
 class LearnedModel:
-    """A fit as a forward model.
+    """Forward model that evaluates a fit.
 
     Args:
-        fit: of (x, trial descriptor, friction descriptor).
-        device: the mechanism. trial: forces of each node by itself, against the skin as it is.
-        trial_space: of trial forces.
-        friction: of the previous step's forces; None for a fit that knows no previous step: each pose is pressed from
-            rest, and what it says without touch counts too.
-        stiffness: of this skin over that of the skin it was learned on. Forces and stresses at given poses are
-            proportional to it, so a person's alpha needs no new training.
+        fit: the fit, whose inputs are x and the components of trial forces and of the previous step's forces.
+        device: the mechanism.
+        trial: trial forces on this skin.
+        trial_space: subspace of trial forces.
+        friction: subspace of the previous step's forces; None for a fit without them. Each pose is then pressed from
+            rest, and the fit is evaluated even if nothing touches.
+        stiffness: stiffness of this skin, divided by that of the skin in the training. Forces and stresses at given
+            poses are proportional to it, so a person's alpha needs no new training.
 
     Raises:
-        DermisError: a fit with another number of inputs, or of skin with another number of places.
+        DermisError: the fit has another number of inputs, or the skin has another number of pressed points than the
+            subspace.
 
     Source: [S0] 4.2; the friction state is that of the previous step.
     """
@@ -74,7 +82,7 @@ class LearnedModel:
         by_place = trial_space.basis.reshape(trial_space.size, 3, places).transpose(1, 2, 0)
         self._basis = np.ascontiguousarray(by_place) / self.stiffness
         self._told = slice(n, n + trial_space.size)
-        # a polynomial is contracted with the friction state once, not with every pose
+        # The friction state stays the same for many poses, so a polynomial is reduced to its other inputs only once.
         self._part = None if friction is None or not isinstance(fit, QuadraticRidge) else PartOfRidge(fit, sizes[2])
         used = fit.inputs if self._part is None else self._told.stop
         self._features, self._ways = np.zeros(used), np.zeros((used, n))
@@ -100,7 +108,11 @@ class LearnedModel:
                 self._part.give(remembered)
 
     def evaluate(self, x: Array) -> tuple[Array, Array]:
-        """Return the stimulus and its derivative, by the chain rule through the trial forces; zero without touch."""
+        """Return the stimulus, shape (k,), and its derivative, shape (k, n).
+
+        The derivative includes that of the trial forces. If nothing touches, both are zero for a fit with a friction
+        state.
+        """
         told = self.trial.told(placed(self.device, self.device.pose(x)), self._basis)
         if told is None:
             if self.friction is not None:
@@ -117,11 +129,13 @@ class LearnedModel:
 
 @dataclass(frozen=True, eq=False)
 class Descriptors:
-    """The spaces that stimuli and friction states of one skin and device are described in.
+    """Subspaces for stimuli and friction states of one skin and device.
 
     Attributes:
-        stress: of weighted stresses, about their mean. observation_matrix: its components of forces, W, shape (k, 3 m).
-        trial: of trial forces, about their mean. friction: of contact forces, about their mean.
+        stress: subspace of weighted stresses.
+        observation_matrix: W, which maps forces on the pad nodes to components of stress, shape (k, 3 m).
+        trial: subspace of trial forces.
+        friction: subspace of contact forces.
     """
 
     stress: Subspace
@@ -130,10 +144,13 @@ class Descriptors:
     friction: Subspace
 
     def table(self, data: Dataset, matrix: Array | None = None) -> SampleTable:
-        """Return a dataset in these descriptors: trial forces and the previous step's friction state as memory.
+        """Return the samples of a dataset in these descriptors.
+
+        The memory consists of the components of trial forces and of the previous step's forces.
 
         Args:
-            matrix: channels of forces instead of the components of stress, shape (c, 3 m).
+            data: the dataset.
+            matrix: map from forces on the pad nodes to channels, shape (c, 3 m); None for the components of stress.
         """
         wanted = self.observation_matrix if matrix is None else matrix
         told = self.trial.project(data.trial.astype(np.float64)), self.friction.project(data.before.astype(np.float64))
@@ -154,10 +171,12 @@ def descriptors(
     """Fit the subspaces to a dataset.
 
     Args:
-        stress_operator: H with |H f| the stress norm of forces on the pad nodes, shape (any, 3 m).
-        tolerance: relative RMS of the residual about the mean that stress may leave.
-        size: number of components of stress instead of the tolerance.
-        trial_size, friction_size: numbers of components of the inputs, at most; fewer where there are fewer.
+        data: the dataset.
+        stress_operator: matrix H for which |H f| is the stress norm of forces f on the pad nodes, shape (any, 3 m).
+        tolerance: largest relative RMS error of stress, see `Subspace.curve`.
+        size: number of components of stress; None to use the tolerance.
+        trial_size, friction_size: largest numbers of components of trial forces and of the previous step's forces.
+            Fewer are used if the dataset has fewer.
 
     Source: [S0] 4.1, 10 % for stress
     """

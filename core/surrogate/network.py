@@ -20,7 +20,7 @@ from .table import SampleTable
 Report = Callable[[int, int], None]
 
 HIDDEN = 260  # Source: [S0] 4.2
-ITERATIONS = 150
+ITERATIONS = 150  # largest number of iterations of L-BFGS
 # Factor of the squared output weights in the loss, whose error term is a mean over the samples. A much smaller penalty
 # is lost in single precision.
 PENALTY = 1e-4
@@ -60,7 +60,7 @@ class Network:
         return len(self.bias)
 
     def predict(self, u: Array) -> Array:
-        """Return the channels for rows of inputs."""
+        """Return the channels, shape (n, c), for rows of inputs, shape (n, p)."""
         z = ((np.atleast_2d(u) - self.centre) / self.scale) @ self.weights.T + self.bias
         return softplus(z) @ self.output_weights.T + self.offset
 

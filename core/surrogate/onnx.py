@@ -2,9 +2,9 @@
 
 ONNX is a protocol-buffer message. This module writes a fixed graph of ten kinds of operators in opset 17, in double
 precision. The input `features`, shape (n, p), has the pose and the components of trial forces and friction forces. The
-input `slopes`, shape (n, p, d), is their derivative by the pose. The outputs are `stress`, shape (n, c), and
-`jacobian`, shape (n, c, d). A JSON text in the model's metadata names the skin and the device for which it was trained.
-onnxruntime runs the model.
+input `slopes`, shape (n, p, d), is the derivative of `features` with respect to the pose. The outputs are `stress`,
+shape (n, c), and `jacobian`, shape (n, c, d). A JSON text in the model's metadata names the skin and the device for
+which the network was trained. onnxruntime runs the model.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from ..foreign import json_of
 from ..version import version
 from .network import Network
 
-OPSET, IR_VERSION = 17, 8
+OPSET, IR_VERSION = 17, 8  # versions of ONNX: of the set of operators, and of the file format
 META = "dermis"
 SCHEMA = "dermis-surrogate 2"
 OLDER = ("dermis-surrogate 1",)  # earlier schemas, whose inputs do not show which nodes touch and which stick
 INPUTS, OUTPUTS = ("features", "slopes"), ("stress", "jacobian")
-MAX_SIZE = 1 << 16  # largest number of inputs and of outputs; the finest skin has some thousand
+MAX_SIZE = 1 << 16  # largest number of inputs and of outputs; the finest skin has a few thousand
 _DOUBLE = 11  # TensorProto.DOUBLE
-_INT64 = 7
+_INT64 = 7  # TensorProto.INT64
 
 
 def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
@@ -104,9 +104,9 @@ def write(path: Path, network: Network, meta: Mapping[str, Any] | None = None) -
 
 
 class _Bound:
-    """A session of onnxruntime with fixed arrays for inputs and outputs.
+    """Session of onnxruntime with fixed arrays for inputs and outputs.
 
-    A call therefore allocates little memory.
+    A call of `run` therefore allocates little memory.
     """
 
     def __init__(self, session: Any, inputs: int, outputs: int, ways: int) -> None:
@@ -121,7 +121,12 @@ class _Bound:
                 bind(name, "cpu", 0, np.float64, array.shape, array.ctypes.data)
 
     def run(self, features: Array, slopes: Array) -> tuple[Array, Array]:
-        """Return stress and Jacobian."""
+        """Return the stress, shape (c,), and the Jacobian, shape (c, d).
+
+        Args:
+            features: inputs of the network, shape (p,).
+            slopes: derivative of the inputs with respect to the pose, shape (p, d).
+        """
         self._features[0], self._slopes[0] = features, slopes
         self._session.run_with_iobinding(self._binding)
         return self._stress[0].copy(), self._jacobian[0].copy()
@@ -187,7 +192,7 @@ class OnnxFit:
         return int(self.meta.get("freedoms", 3))
 
     def predict(self, u: Array) -> Array:
-        """Return the channels for rows of inputs."""
+        """Return the channels, shape (n, c), for rows of inputs, shape (n, p)."""
         u = np.atleast_2d(np.asarray(u, np.float64))
         return self._session.run(["stress"], {"features": u, "slopes": np.zeros((*u.shape, self._ways))})[0]
 
@@ -228,8 +233,8 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
         where: name of the file, for errors.
 
     Raises:
-        DermisError: the data are not an ONNX model, are truncated, have no metadata of this product or those of an
-            older schema, impossible sizes, or a newer opset.
+        DermisError: the data are not an ONNX model or are truncated; the metadata are missing, belong to another
+            product or an older schema, or have impossible sizes; or the opset is missing or newer.
     """
     text, opset = None, 0
     try:

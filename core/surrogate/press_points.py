@@ -1,9 +1,10 @@
-"""Where something flat presses a skin, and what that makes on the nodes of its mesh.
+"""Points of a skin on which a disc presses, and their forces on nodes.
 
-A touch is solved on points of the smooth skin. What a device does to the skin must be solved on like points, or what
-follows the touch would render the difference between two meshes: of a draft skin, a fifth of the touch. A disc is flat,
-so one set of points will do for all its poses: cells of the pad's tree, four or so together, each with constant
-pressure and its mean displacement, so that work is the same on both sides.
+A touch is solved on points of the smooth skin. The contact with a device must be solved on similar points. Otherwise
+the device would also render the difference between two meshes, which is a fifth of the touch on a draft skin. A disc is
+flat, so one set of points serves all its poses. Each point stands for about four cells of the pad's tree. The pressure
+on these cells is constant, and the displacement of the point is their mean displacement, so the forces do the same work
+on the point as on the cells.
 """
 
 from __future__ import annotations
@@ -24,17 +25,23 @@ from ..skin.surface_compliance import SurfaceCompliance
 from ..skin.surface_store import remainder_key, smooth_pad
 from ..version import version
 
-PRESS_VERSION = 1  # part of the key of what is kept on disk: raise it whenever points, chart or kernel change
-TOGETHER = 2  # cells of level 0 along each side of a point's part of the skin, beside the pad's centre
+PRESS_VERSION = 1  # part of the keys of cache entries: raise it whenever points, chart or kernel change
+TOGETHER = 2  # number of cells of level 0 along each side of a point's area, if they are as large as the central cell
 
 
 def pressed_on(skin: SkinModel) -> str:
-    """Return 'points' of the smooth skin, or 'nodes' of the mesh where a skin has no smooth pad, or not yet."""
+    """Return whether a disc presses on 'points' or on 'nodes' of a skin.
+
+    These are points of the smooth skin, or nodes of the mesh if the skin has no smooth pad, see `smooth_pad`.
+    """
     return "nodes" if smooth_pad(skin) is None else "points"
 
 
 def press_points(skin: SkinModel) -> PressPoints:
-    """Return the points that are pressed: the mesh's nodes where a skin has no smooth pad, or not yet."""
+    """Return the points on which a disc presses.
+
+    They are the pad nodes of the mesh if the skin has no smooth pad.
+    """
     pad = smooth_pad(skin)
     if pad is None:
         return PressPoints(skin.positions, skin.compliance, None, *_law_of(skin))
@@ -42,7 +49,14 @@ def press_points(skin: SkinModel) -> PressPoints:
 
 
 def point_forces(skin: SkinModel, force: Array) -> PointForces | None:
-    """Return forces on the points that are pressed [N], shape (n, 3), as forces on cells; None where they are nodes."""
+    """Return forces on the pressed points as forces on cells.
+
+    The result is None if the skin has no smooth pad, because the pressed points are then mesh nodes.
+
+    Args:
+        skin: the skin.
+        force: forces on the pressed points [N], shape (n, 3).
+    """
     pad = smooth_pad(skin)
     if pad is None:
         return None
@@ -52,7 +66,11 @@ def point_forces(skin: SkinModel, force: Array) -> PointForces | None:
 
 
 def _parts(chart: PadChart) -> tuple[Indices, Indices, Array]:
-    """Return the cells of level 0, the point that each belongs to, and its share of that point's skin."""
+    """Return the cells of level 0 and how they belong to points.
+
+    Returns:
+        The cells; the index of each cell's point; and the share of the point's area that the cell covers.
+    """
     cells = np.arange(chart.starts[0], chart.starts[1])
     places, areas = chart.places[cells], chart.cells.areas[cells]
     centre = int(np.einsum("ij,ij->i", places, places).argmin())
@@ -79,11 +97,12 @@ def _grouped(skin: SkinModel, pad: SurfaceCompliance) -> PressPoints:
 def _made(
     nodes: NodalForces, unit: SurfaceCompliance, cells: Indices, point: Indices, share: Array
 ) -> dict[str, Array]:
-    """Return positions of the points, what forces on them do at E = 1, and these forces on nodes."""
+    """Return the arrays of `PressPoints`, with the compliance at E = 1 Pa."""
     chart, n = unit.chart, int(point.max()) + 1
     positions = np.zeros((n, 3))
     np.add.at(positions, point, share[:, None] * chart.cells.positions[cells])
-    # one row of points at a time: the compliance between all cells is fifty times as large as what is kept
+    # The rows of one point are made at a time, because the compliance between all cells would need fifty times the
+    # memory of that between the points.
     compliance, nodal = np.empty((n, 3, n, 3)), np.zeros((len(nodes.mesh.pad), 3, n, 3))
     order = np.argsort(point, kind="stable")
     starts = np.concatenate([[0], np.cumsum(np.bincount(point))])
@@ -98,8 +117,8 @@ def _made(
 
 
 def _law_of(skin: SkinModel) -> tuple[LawTables | None, float]:
-    """Return the law that a skin's tissue follows, None where it is linear, and E alpha [Pa]."""
+    """Return the skin's nonlinear law, None if it is linear, and E alpha [Pa]."""
     return (skin.law if skin.follows_law else None), skin.material.modulus
 
 
-_kept: Recent[tuple[str, str, str], PressPoints] = Recent(6)  # a person's hand
+_kept: Recent[tuple[str, str, str], PressPoints] = Recent(6)  # enough for the fingers of a hand

@@ -1,4 +1,7 @@
-"""Quadratic ridge: channels as a second-order polynomial of the inputs, fitted in one linear solve."""
+"""Quadratic ridge: channels as a second-order polynomial of the inputs.
+
+The coefficients are found by one linear solve.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +15,21 @@ from ..arrays import Array
 from ..errors import DermisError
 from .table import SampleTable
 
-# On coefficients of standardised inputs, times the number of samples. Larger ones may predict few samples better, but
-# flatten the slopes by x, and a search lives on slopes.
+# Factors of the squared coefficients for standardised inputs; a fit multiplies them by the number of samples. With few
+# samples a larger factor may predict better, but it reduces the derivatives with respect to x, which a search needs.
 PENALTIES = (1e-5, 1e-4, 1e-3)
-FOLDS = 4
+FOLDS = 4  # number of groups of movements in the cross-validation
 
 
 @dataclass(frozen=True, eq=False)
 class QuadraticRidge:
-    """y = c + B s + s'Q s with s the standardised inputs.
+    """Polynomial y = a + B s + s'Q s of the standardised inputs s.
 
     Attributes:
-        centre, scale: of the inputs, shape (p,).
-        constant: shape (c,). linear: shape (c, p). quadratic: symmetric, shape (c, p, p).
+        centre, scale: mean and scale of the inputs, shape (p,).
+        constant: a, shape (c,).
+        linear: B, shape (c, p).
+        quadratic: Q, symmetric in its last two axes, shape (c, p, p).
     """
 
     centre: Array
@@ -44,13 +49,13 @@ class QuadraticRidge:
         return len(self.constant)
 
     def predict(self, u: Array) -> Array:
-        """Return channels for rows of inputs."""
+        """Return the channels, shape (n, c), for rows of inputs, shape (n, p)."""
         s = (np.atleast_2d(u) - self.centre) / self.scale
         curved: Array = np.einsum("npq,nq->np", np.tensordot(s, self.quadratic, axes=(1, 2)), s, optimize=True)
         return self.constant + s @ self.linear.T + curved
 
     def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
-        """Return the channels and their derivative along ways of the inputs."""
+        """Return the channels and their derivatives along directions, see `Fit`."""
         return self._free.along(u, ways)
 
     @cached_property
@@ -59,10 +64,13 @@ class QuadraticRidge:
 
 
 class PartOfRidge:
-    """A quadratic ridge as a polynomial of its first inputs, the others being given for many evaluations.
+    """Quadratic ridge whose last inputs are fixed.
+
+    Many evaluations with the same last inputs are faster in this form, a polynomial of the first inputs.
 
     Args:
-        ridge: of all inputs. given: how many of the last ones are given; they are at their mean until `give`.
+        ridge: ridge of all inputs.
+        given: number of last inputs that are fixed. They are at their mean until `give` is called.
     """
 
     def __init__(self, ridge: QuadraticRidge, given: int) -> None:
@@ -74,7 +82,7 @@ class PartOfRidge:
         self._constant, self._linear = ridge.constant, ridge.linear[:, :n]
 
     def give(self, last: Array) -> None:
-        """Fix the last inputs."""
+        """Fix the last inputs, shape (given,)."""
         whole, n = self._whole, self._count
         s = (last - whole.centre[n:]) / whole.scale[n:]
         slope = whole.linear + (self._by_given @ s).reshape(whole.linear.shape)
@@ -82,7 +90,14 @@ class PartOfRidge:
         self._constant = whole.constant + 0.5 * ((whole.linear[:, n:] + slope[:, n:]) @ s)
 
     def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
-        """Return the channels and their derivative along ways of the first inputs."""
+        """Return the channels and their derivatives along given directions.
+
+        The shapes are (c,) and (c, k).
+
+        Args:
+            u: first inputs, shape (p - given,).
+            ways: directions of the first inputs, one in each column, shape (p - given, k).
+        """
         s = (u - self._centre) / self._scale
         bent = (self._rows @ s).reshape(self._linear.shape)
         slope = self._linear + bent
@@ -95,10 +110,12 @@ def fit_ridge(table: SampleTable, penalty: float | None = None) -> QuadraticRidg
     """Fit the polynomial.
 
     Args:
-        penalty: on coefficients; where None, the one of `PENALTIES` that predicts left-out movements best.
+        table: inputs and channels.
+        penalty: factor of the squared coefficients; None for the one of `PENALTIES` that predicts left-out movements
+            best.
 
     Raises:
-        DermisError: a penalty that is not above zero.
+        DermisError: the penalty is not above zero.
     """
     if penalty is not None and not penalty > 0:
         raise DermisError("the penalty must be above zero", where="quadratic ridge", value=penalty, limit="> 0")
@@ -120,7 +137,11 @@ def fit_ridge(table: SampleTable, penalty: float | None = None) -> QuadraticRidg
 
 
 def _best_penalty(features: Array, wanted: Array, trajectory: NDArray[np.int64]) -> float:
-    """Choose by cross-validation over movements; samples of one movement are too alike to judge each other."""
+    """Return the penalty that predicts left-out movements best.
+
+    Whole movements are left out, because samples of one movement are too similar to test each other. If there are less
+    than `FOLDS` movements, the result is the middle penalty.
+    """
     fold = np.unique(trajectory, return_inverse=True)[1] % FOLDS
     if len(np.unique(fold)) < FOLDS:
         return PENALTIES[len(PENALTIES) // 2]

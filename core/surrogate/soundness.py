@@ -33,7 +33,7 @@ def check_parts(made: Surrogate, size: int, freedoms: int, where: str) -> None:
     spaces, ridge = made.descriptors, made.ridge
     stress, trial, friction = spaces.stress, spaces.trial, spaces.friction
     k, t, q = (len(np.atleast_1d(space.basis)) for space in (stress, trial, friction))
-    # Trial and friction forces act on the pressed points, which need not be the pad nodes, so `size` is not theirs.
+    # Trial and friction forces act on the pressed points. These need not be the pad nodes, so `size` does not apply.
     p, any_size, places3 = freedoms + t + q, stress.mean.size, trial.mean.size
     wanted: dict[str, tuple[Array, tuple[int, ...]]] = {
         "stress_mean": (stress.mean, (any_size,)),
@@ -84,6 +84,11 @@ def try_out(model: ForwardModel, poses: Iterable[Array], where: str) -> None:
     """Evaluate a model at some poses, to detect failures early.
 
     This is done before a sequence begins.
+
+    Args:
+        model: the model.
+        poses: configurations of the device, each of shape (n,).
+        where: name of the model, for errors.
 
     Raises:
         DermisError: an evaluation fails, or its result has a wrong shape or values that are not finite.

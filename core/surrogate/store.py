@@ -90,7 +90,7 @@ def adapt(
 ) -> Generator[tuple[str, int, int], None, Surrogate]:
     """Make a surrogate for a skin.
 
-    Movements are recorded, descriptors are found, and both models are fitted.
+    Movements are recorded, descriptors are found, and the ridge and the network are fitted.
 
     Yields (stage, done, total) and returns the surrogate.
 
@@ -100,9 +100,9 @@ def adapt(
         friction: friction coefficient.
         trajectories: number of straight presses, see `lessons`; half of them are held out.
         seed: seed of the movements and of the network's initial weights.
-        tolerance: error of the descriptors, see `descriptors`.
+        tolerance: largest relative RMS error of the descriptors of stress, see `descriptors`.
         hidden: number of neurons in the hidden layer.
-        iterations: number of iterations of the training.
+        iterations: largest number of iterations of the training.
         report: function that is called with (stage, done, total) during the training, which is one long step of the
             generator.
 

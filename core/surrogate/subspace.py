@@ -1,4 +1,4 @@
-"""Subspace: the few directions in which stimuli or friction forces vary, by principal components."""
+"""Subspace: principal components of stimuli or of forces."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ class Subspace:
     """Principal components of samples about their mean.
 
     Attributes:
-        mean: shape (p,).
-        basis: orthonormal rows, the most important first, shape (k, p).
-        curve: relative RMS of what 0, 1, 2 ... components leave of the samples about their mean, shape (up to p + 1,).
-            This is the paper's 'accuracy' as this product reads it: of the residual, not of the variance.
+        mean: mean of the samples, shape (p,).
+        basis: the components: orthonormal rows in the order of decreasing variance, shape (k, p).
+        curve: relative RMS error of the samples in 0, 1, 2, ... components, shape (min(n, p) + 1,) for n samples. The
+            RMS of the residual is divided by the RMS of the samples about their mean. The 'accuracy' in [S0] is taken
+            to be this value, not a share of the variance.
     """
 
     mean: Array
@@ -29,23 +30,25 @@ class Subspace:
 
     @property
     def size(self) -> int:
-        """Number of components kept."""
+        """Number of components, k."""
         return len(self.basis)
 
     def project(self, samples: Array) -> Array:
-        """Return coordinates about the mean, (..., p) to (..., k)."""
+        """Return the coordinates, shape (..., k), of samples, shape (..., p)."""
         return (samples - self.mean) @ self.basis.T
 
 
 def principal_components(samples: Array, *, tolerance: float = TOLERANCE, size: int | None = None) -> Subspace:
-    """Return the fewest components that leave no more than `tolerance`, or exactly `size` of them.
+    """Return the principal components of samples.
 
     Args:
-        samples: shape (n, p).
+        samples: the samples, shape (n, p).
+        tolerance: largest relative RMS error, see `Subspace.curve`; the fewest components that keep it are returned.
+        size: number of components; None to use the tolerance.
 
     Raises:
-        DermisError: fewer than two samples, values that are not finite, samples all alike, or more components asked
-            for than there are.
+        DermisError: there are fewer than two samples, values that are not finite, or samples that are all equal; or
+            the number of components is zero or more than there are.
 
     Source: [S0] 4.1
     """
@@ -75,6 +78,7 @@ def principal_components(samples: Array, *, tolerance: float = TOLERANCE, size: 
             "the number of components is out of range", where="subspace", value=size, limit=f"1 to {len(vectors)}"
         )
     basis = vectors[:size]
-    # a component's sign is free: fix it, so that the same samples give the same numbers everywhere
+    # The sign of a component is arbitrary. It is fixed here, so that the same samples give the same numbers on every
+    # computer.
     largest = np.take_along_axis(basis, np.abs(basis).argmax(axis=1)[:, None], axis=1)
     return Subspace(mean, basis * np.where(largest < 0.0, -1.0, 1.0), curve)

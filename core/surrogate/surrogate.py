@@ -54,6 +54,7 @@ class Surrogate:
         return LearnedModel(fit, device, trial, spaces.trial, spaces.friction, stiffness)
 
 
+# Names of metadata in messages, where they differ from the keys.
 _WORDS = {"schema": "version of the product", "pressed_on": "kind of skin contact"}
 
 

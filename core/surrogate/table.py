@@ -1,4 +1,7 @@
-"""SampleTable: any recorded table of device configurations and sensor channels, and how well a fit predicts it."""
+"""Tables of device configurations and sensor channels, and errors of fits.
+
+The samples are simulated or recorded.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,10 @@ from ..number_rows import read_rows
 
 
 class Fit(Protocol):
-    """A learned function of inputs u = (configuration, whatever else decides the channels)."""
+    """Learned function from inputs u to channels.
+
+    The inputs are a configuration and a memory, see `SampleTable`.
+    """
 
     @property
     def inputs(self) -> int:
@@ -30,24 +36,34 @@ class Fit(Protocol):
         ...
 
     def predict(self, u: Array) -> Array:
-        """Return channels for rows of inputs, (n, p) to (n, c)."""
+        """Return the channels, shape (n, c), for rows of inputs, shape (n, p)."""
         ...
 
     def along(self, u: Array, ways: Array) -> tuple[Array, Array]:
-        """Return the channels, shape (c,), and their derivative along ways of the inputs, (p, d) to (c, d)."""
+        """Return the channels and their derivatives along given directions.
+
+        The shapes are (c,) and (c, k).
+
+        Args:
+            u: inputs, shape (p,).
+            ways: directions of the inputs, one in each column, shape (p, k).
+        """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class SampleTable:
-    """Samples to learn from: simulated, or recorded with a real sensor in a real device.
+    """Samples for training.
+
+    They are simulated, or recorded with a real sensor in a real device.
 
     Attributes:
-        x: configuration (pitch, roll, distance), shape (n, 3); of devices with six freedoms (n, 6).
-        memory: what else decides the channels, such as trial forces and the friction state of the previous step, shape
-            (n, q), q >= 0; all columns in one unit.
-        channels: stress components, electrodes or anything else, shape (n, c).
-        trajectory: which movement each row belongs to, shape (n,).
+        x: configurations: pitch, roll [rad] and distance [m], shape (n, 3); shape (n, 6) for devices with six degrees
+            of freedom.
+        memory: further quantities on which the channels depend, such as trial forces and the friction state of the
+            previous step, shape (n, q), q >= 0; all columns have the same unit.
+        channels: values to predict, such as stress components or electrodes, shape (n, c).
+        trajectory: number of the movement to which each row belongs, shape (n,).
     """
 
     x: Array
@@ -76,9 +92,10 @@ class SampleTable:
 
     @property
     def standard(self) -> tuple[Array, Array]:
-        """Mean of the inputs and what they are divided by to be of like size, each of shape (d + q,).
+        """Mean and scale of the inputs, each of shape (d + q,).
 
-        Columns of the memory share a scale: they are components of one kind of thing, and small ones are small.
+        A fit subtracts the mean and divides by the scale. All columns of the memory share one scale, their largest
+        standard deviation, so that small columns stay small.
         """
         centre, scale = self.inputs.mean(axis=0), self.inputs.std(axis=0)
         scale[self.x.shape[1] :] = scale[self.x.shape[1] :].max(initial=0.0)
@@ -91,23 +108,29 @@ class SampleTable:
         return np.concatenate([self.x, self.memory], axis=1)
 
     def without_memory(self) -> SampleTable:
-        """Return the table for a model of the configuration alone, sigma(x). Source: [S0] 4.2."""
+        """Return the table without memory, for a model sigma(x). Source: [S0] 4.2."""
         return SampleTable(self.x, self.memory[:, :0], self.channels, self.trajectory)
 
     def rows(self, chosen: NDArray[np.bool_]) -> SampleTable:
-        """Return some of the rows."""
+        """Return the rows for which `chosen`, shape (n,), is true."""
         return SampleTable(self.x[chosen], self.memory[chosen], self.channels[chosen], self.trajectory[chosen])
 
 
 def relative_rms(fit: Fit, table: SampleTable) -> float:
-    """Return the RMS error of a fit over the RMS of the channels about their mean."""
+    """Return the relative RMS error of a fit.
+
+    This is the RMS error, divided by the RMS of the channels about their mean.
+    """
     miss = fit.predict(table.inputs) - table.channels
     spread = table.channels - table.channels.mean(axis=0)
     return float(np.sqrt((miss**2).sum() / (spread**2).sum()))
 
 
 def movement_errors(fit: Fit, table: SampleTable) -> Array:
-    """Return the RMS error in each movement over the RMS of all channels about their mean, shape (movements,)."""
+    """Return the relative RMS error of a fit in each movement.
+
+    This is the RMS error of the movement, divided by the RMS of all channels about their mean; shape (movements,).
+    """
     miss = ((fit.predict(table.inputs) - table.channels) ** 2).sum(axis=1)
     spread = ((table.channels - table.channels.mean(axis=0)) ** 2).sum(axis=1).mean()
     owner = np.unique(table.trajectory, return_inverse=True)[1]
@@ -115,12 +138,15 @@ def movement_errors(fit: Fit, table: SampleTable) -> Array:
 
 
 def read_table(path: Path) -> SampleTable:
-    """Read a table from .npz (x, channels; memory, trajectory, times if need be) or .csv (x in the first columns).
+    """Read a table from an .npz or .csv file.
 
-    A table without `trajectory` is one movement; in a .csv all further columns are channels.
+    An .npz file has the arrays `x` and `channels`, and optionally `memory`, `trajectory` and `times`. Without
+    `trajectory` all rows belong to one movement. In a .csv file the first three columns are `x`, and all others are
+    channels. Their names can state units; without a unit the values are in SI units.
 
     Raises:
-        DermisError: the file cannot be read, arrays are missing or do not fit, or times do not increase.
+        DermisError: the file cannot be read; an array is missing, has a wrong shape or has values that are not finite
+            numbers; or `times` has not one value per row, each larger than the one before.
     """
     path, where = Path(path), str(path)
     if path.suffix.lower() == ".csv":

@@ -1,9 +1,10 @@
-"""TrialForce: Coulomb's law at every node of the skin by itself, as if each stood on a spring of its own.
+"""TrialForce: Coulomb's law at each point of the skin alone.
 
-What a learned model of the contact lacks is where each node touches and where it sticks. Both are known before anything
-is solved: from the last step's forces, displacements and anchors, and from the new pose. One step of the iteration that
-contact is solved by, with the compliance of each node alone, tells them to the model; its derivative by the
-configuration is exact but where a node begins to touch or to slip, and zero where nothing touches.
+A learned model of contact needs to know which points touch and which stick. Trial forces show this without a solution
+of the contact. They follow from the new pose and from the forces, displacements and anchors of the last step. Each is
+one step of the iteration that solves contact, with the compliance of its point alone, as if each point were on a spring
+of its own. The derivative of trial forces with respect to the configuration is exact, except at a point that begins to
+touch or to slip.
 
 Source: [S0] 4.2 (friction state as input); Alart and Curnier 1991 for the law.
 """
@@ -18,12 +19,13 @@ from ..devices.disc_pose import Disc, DiscPose, FrictionState
 
 
 class TrialForce:
-    """Trial forces of a disc on places of the skin, pose after pose.
+    """Trial forces of a disc on points of the skin.
 
     Args:
-        places: where the skin is untouched, in the finger's frame [m], shape (m, 3).
-        stiffness: of each place by itself [N/m], shape (m,).
-        disc: radius and rim. friction: Coulomb's coefficient.
+        places: points of the undeformed skin in the finger's frame [m], shape (m, 3).
+        stiffness: stiffness of each point alone [N/m], shape (m,).
+        disc: radius and rim of the disc.
+        friction: Coulomb's coefficient of friction.
     """
 
     def __init__(self, places: Array, stiffness: Array, disc: Disc, friction: float) -> None:
@@ -34,12 +36,15 @@ class TrialForce:
 
     @classmethod
     def of(cls, contact: DiscContact) -> TrialForce:
-        """Return the trial forces of a contact's own places, with the compliance of each alone."""
+        """Return the trial forces of a contact's points.
+
+        The stiffness is isotropic: the reciprocal of the mean compliance of the point alone in x, y and z.
+        """
         alone = np.diag(contact.compliance).reshape(-1, 3).mean(axis=1)
         return cls(contact.positions, 1.0 / alone, contact.disc, contact.friction)
 
     def hold(self, state: FrictionState) -> None:
-        """Fix the friction state for the poses that follow."""
+        """Fix the friction state for the following poses."""
         rows, k, loose = self._rows, self.stiffness, ~state.anchored
         np.add(self.places.T, state.moved.T, out=rows[_MOVED])
         np.multiply(rows[_MOVED], -k, out=rows[_LOAD])
@@ -50,11 +55,11 @@ class TrialForce:
         self._sticking, self._loose = state.sticking, loose if loose.any() else None
 
     def at(self, pose: DiscPose) -> Array:
-        """Return trial forces on the skin at a pose [N], and their derivative by the configuration.
+        """Return trial forces on the skin at a pose, and their derivatives.
 
         Returns:
-            shape (1 + n, 3 m), x of all places first: forces in the first row, derivatives by the configuration in the
-            others.
+            Forces [N] in the first row and their derivatives with respect to the n values of the configuration in the
+            other rows, shape (1 + n, 3 m). Each row has x of all points first.
         """
         out = np.zeros((1 + len(pose.spin), 3, len(self.places)))
         found = self._pressed(pose)
@@ -63,10 +68,13 @@ class TrialForce:
         return out.reshape(len(out), -1)
 
     def told(self, pose: DiscPose, basis: Array) -> Array | None:
-        """Return the same in components, shape (1 + n, t); None where nothing is pressed.
+        """Return t components of the trial forces and of their derivatives.
+
+        The result has the rows of `at`, shape (1 + n, t). It is None if no point is pressed.
 
         Args:
-            basis: of forces on all places, shape (3, m, t).
+            pose: pose of the disc.
+            basis: matrix from forces on all points to components, shape (3, m, t).
         """
         found = self._pressed(pose)
         if found is None:
@@ -77,16 +85,23 @@ class TrialForce:
         return out
 
     def _pressed(self, pose: DiscPose) -> tuple[Indices, Array] | None:
-        """Return the places that are pressed, (a,), and their forces with derivatives, (1 + n, 3, a); None of none."""
+        """Return the pressed points and their trial forces.
+
+        Returns:
+            Indices of the points, shape (a,), and forces with their derivatives as in `at`, shape (1 + n, 3, a). None
+            if no point is pressed.
+        """
         turn, count = pose.rotation, len(pose.spin)
         inwards = turn.T
-        way = np.empty((1 + count, 3, 4))  # how springs stretch with a configuration, seen from where they stand
+        # Maps from the rows `_SPRUNG` to the trial forces and to their derivatives.
+        way = np.empty((1 + count, 3, 4))
         way[0, :, :3], way[0, :, 3] = _UNIT, pose.centre
         motion = pose.motion()
         np.multiply(motion, _AWAY, out=way[1:])
-        way = inwards @ way  # in the disc's frame, out of which -Z points
+        way = inwards @ way  # in the disc's frame, in which the disc presses towards -Z
         rows = self._rows
-        active = (way[0, 2] @ rows[_SPRUNG] < 0.0).nonzero()[0]  # the rim only takes away
+        # The rim only reduces the pressure, so points that a flat disc does not press need no further computation.
+        active = (way[0, 2] @ rows[_SPRUNG] < 0.0).nonzero()[0]
         if not active.size:
             return None
         rows = rows.take(active, axis=1)
@@ -102,7 +117,8 @@ class TrialForce:
         if slips.any():
             np.maximum(length, _TINY, out=length)
             share, to = np.minimum(pushed / length, 1.0), across[0] * (slips / length)
-            # of the forces themselves this takes nothing: along their way they are as long as friction can carry
+            # `over` corrects the derivatives. It is zero for the forces, because `share` makes them as long as friction
+            # allows.
             over = share * (to[0] * across[:, 0] + to[1] * across[:, 1]) + self.friction * along
             across *= share
             across -= to * over[:, None]
@@ -111,9 +127,10 @@ class TrialForce:
         return active, v
 
     def _fall(self, v: Array, rows: Array, active: Indices, way: Array) -> None:
-        """Take away what presses where the disc's rim falls away under a place."""
+        """Reduce the forces in `v` at points that are on the rounded rim."""
         sticking = self._sticking.take(active)
-        # where places are on the disc, and how it moves past them; what sticks stays where it is
+        # Positions of the points in the disc's frame, and the disc's velocity at them. A sticking point stays at its
+        # anchor on the disc.
         past = (way[:, :2] * _BEFORE[: len(way)]) @ rows[_PLACE]
         flat = np.where(sticking, rows[_ANCHOR], past[0])
         square = flat * flat
@@ -132,12 +149,14 @@ class TrialForce:
             v[:, :, lost] = 0.0
 
 
-# rows of what is known of each place before a pose: what presses on the disc but for pose, anchors and rim, and its
-# spring, which a pose turns and stretches; where it is, and 1; its anchor, and what that pulls
+# Rows of `_rows`, which do not depend on the pose. `_LOAD` is the last step's force minus stiffness times position [N].
+# Row 3 is the stiffness [N/m]. `_MOVED` is the position after the last step [m]. Row 7 is 1. `_ANCHOR` is the anchor in
+# the disc's frame [m], and `_PULL` is stiffness times anchor [N], zero for a point without an anchor.
 _LOAD, _MOVED, _ANCHOR, _PULL = slice(0, 3), slice(4, 7), slice(8, 10), slice(10, 12)
 _SPRUNG, _PLACE = slice(0, 4), slice(4, 8)
 _TINY = 1e-300
 _UNIT, _AWAY = np.eye(3), np.array([-1.0, -1.0, -1.0, 1.0])
-# a place is at its way from the disc's centre, to which a load is added; its derivatives are the disc's, turned round
+# Signs that change the maps for `_SPRUNG` into maps for `_PLACE`, whose first row gives a point's position in the
+# disc's frame, and whose others give the velocity of the disc at the point for each value of the configuration.
 _BEFORE = np.tile(_AWAY, (7, 1, 1))
 _BEFORE[0] *= -1.0

@@ -1,15 +1,17 @@
-"""Contact of a rigid disc with the skin: forces for a pose, and their derivative with respect to it.
+"""Contact of a rigid disc with the skin: forces and their derivatives.
 
 The disc's material moves with the disc, so sticking skin is sheared when the disc tilts, shifts or turns. The history
 of friction is a `FrictionState`: for every point of the skin near the disc, the point of the disc to which it is
 anchored. The state is held constant while poses are tried, and updated by `DiscContact.settle` for the chosen pose
-(staggering). The gap at the rounded rim is computed at the position of the deformed skin: at the anchor of a sticking
-point, else where the last step left the point, as in `contact.solver.history`.
+(staggering). The gap at the rounded rim is computed at the position of the deformed skin, as in
+`contact.solver.history`. A sticking point is at its anchor. Any other point is at its position after the last step.
 
 Contact at a pose is solved on the condensed compliance by a semi-smooth Newton method. All points of a rigid flat disc
 have the same normal, and Coulomb's projection is homogeneous of degree one, so the Newton system reduces to A f = -D b
-with A = (I - D) / r + D C. The same factors give the exact derivative by implicit differentiation: in a frame that
-turns with the disc the law does not change. Without the turning part, h = df - Omega f therefore obeys
+with A = (I - D) / r + D C. Here f are the forces, C is the compliance, b is the relative displacement without forces, D
+is the derivative of the projection, and r is the weight of displacements. The LU factors of A also give the exact
+derivative df by implicit differentiation. In a frame that turns with the disc, Coulomb's law does not change. The
+derivative is therefore df = Omega f + h. The part Omega f turns the forces with the disc, and h obeys
 A h = -D (C Omega f - Omega C f + db'), where db' is the change of b in the disc's frame.
 
 The displacement of neo-Hookean skin is that of linear skin minus a correction c. While poses are tried, c is constant
@@ -38,7 +40,7 @@ from .press_problem import PressPoints
 
 MAX_STEPS = 10  # Newton steps at one pose
 MAX_ROUNDS = 24  # alternations between contact and the nonlinear law at one pose
-_UNIT, _NO_LAW = np.eye(3), np.zeros((0, 3, 3))
+_UNIT, _NO_LAW = np.eye(3), np.zeros((0, 3, 3))  # `_NO_LAW`: `_Factors.law` if no point slips
 _STICKS, _SLIPS = np.int8(STICK), np.int8(SLIP)
 # The candidates for contact are the points with gaps below NEAR [m]. They are chosen again as soon as the gap of
 # another point is below MARGIN [m].
@@ -47,7 +49,14 @@ NEAR, MARGIN = 0.9e-3, 0.3e-3
 
 @dataclass(frozen=True, eq=False)
 class _Factors:
-    """LU factors of a Newton step, its active and slipping points, and the derivative of their projection."""
+    """Factors of a Newton step, for the derivative of the forces.
+
+    Attributes:
+        lower, pivots: LU factors of A, as LAPACK returns them.
+        active: indices of the touching points among the candidates, shape (a,).
+        slips: indices of the slipping points among the active ones, shape (k,).
+        law: D at the slipping points, shape (k, 3, 3).
+    """
 
     lower: Array
     pivots: NDArray[np.int32]
@@ -58,7 +67,14 @@ class _Factors:
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Compliance between touching points, shape (3 a, 3 a), and its LU factors; `key` identifies the points."""
+    """Compliance between touching points, and its LU factors.
+
+    Attributes:
+        key: indices of the points, as bytes.
+        matrix: compliance [m/N], shape (3 a, 3 a).
+        lower, pivots: LU factors, as LAPACK returns them.
+        sound: whether the factorisation succeeded.
+    """
 
     key: bytes
     matrix: Array
@@ -74,7 +90,7 @@ class _Seen:
     Attributes:
         local: positions of the undeformed points [m], shape (m, 3).
         across: positions of the deformed points in the disc's plane, for the gap at the rim [m], shape (m, 2).
-        reach: their distance from the disc's axis [m], shape (m,).
+        reach: distance of the positions `across` from the disc's axis [m], shape (m,).
         gap: gap of the undeformed points, with the rim at `across` [m], shape (m,).
     """
 
@@ -85,12 +101,12 @@ class _Seen:
 
 
 class DiscContact:
-    """Contact of one skin with a disc, pose after pose.
+    """Contact of one skin with a disc, solved for one pose after another.
 
     Args:
         points: points of the skin that carry forces: points of the smooth skin, or the nodes of its mesh.
         disc: surface of the disc.
-        friction: Coulomb coefficient.
+        friction: Coulomb's coefficient of friction.
 
     Attributes:
         solved: number of poses that were solved.
@@ -110,7 +126,8 @@ class DiscContact:
         self._rest_positions = np.zeros((0, 3))
         self._block: _Block | None = None
         self._guess: tuple[Array, Array, Array] | None = None  # a configuration, its forces and their derivative
-        self._all = np.concatenate([self.positions, self.positions])  # undeformed positions, and last ones
+        # The undeformed positions of all points, then their positions after the last step.
+        self._all = np.concatenate([self.positions, self.positions])
         self._rest4, self._places4 = np.ones((0, 4)), np.ones((0, 4))  # the candidates in homogeneous coordinates
         self.choice = 0  # number of choices of candidates, so that tables for them can be kept
         self.solved = self.fallbacks = 0
@@ -122,8 +139,8 @@ class DiscContact:
     def hold(self, state: FrictionState) -> None:
         """Set the friction state for the following poses.
 
-        The candidates are then those of the state. Results therefore do not depend on poses that were solved before,
-        not even by rounding.
+        The candidates are taken from the last contact of this state. Results therefore do not depend on poses that were
+        solved before, not even by rounding.
         """
         self.state = state
         np.add(self.positions, state.moved, out=self._all[self.count :])
@@ -136,7 +153,10 @@ class DiscContact:
         self._take(near)
 
     def go_on(self, state: LawState | None) -> None:
-        """Go back to a state of the nonlinear law, None for rest, after solutions that did not lead to convergence."""
+        """Go back to a state of the nonlinear law; None for rest.
+
+        This is necessary after solutions without convergence.
+        """
         assert self.law is not None
         self.law.go_on(state)
         self._less = self.law.less
@@ -147,18 +167,24 @@ class DiscContact:
         return self._fallen(local[:, :2]) - local[:, 2]
 
     def _fallen(self, across: Array) -> Array:
-        """Return the depth of the rounded rim below the face at positions in the disc's plane [m], shape (m,)."""
+        """Return the depth of the rounded rim below the face [m], shape (m,).
+
+        Args:
+            across: positions in the disc's plane [m], shape (m, 2).
+        """
         over = np.maximum(np.sqrt(across[:, 0] ** 2 + across[:, 1] ** 2) - self.disc.radius, 0.0)
         return over * over * (0.5 / self.disc.rounding)
 
     def solve(self, pose: DiscPose, known: DiscSolution | None = None) -> DiscSolution:
-        """Solve contact at a pose, on nonlinear skin by its law.
+        """Solve contact at a pose.
 
-        The friction state is that of `hold`. On nonlinear skin, contact and the law alternate until the law converges.
+        The friction state is that of `hold`. On nonlinear skin, the solution of contact and the evaluation of the law
+        alternate until the law converges.
 
         Args:
             pose: pose of the disc.
-            known: result of `tried` for this pose; it is used if the correction has not changed since.
+            known: result of `tried` for this pose. It replaces the first solution if the correction has not changed
+                since.
         """
         law = self.law
         if law is None:
@@ -180,7 +206,10 @@ class DiscContact:
         return replace(found, amounts=law.amounts, law=law.save(), less=self._less)
 
     def tried(self, pose: DiscPose) -> DiscSolution:
-        """Solve contact at a pose with a constant correction c; on linear skin the result is exact."""
+        """Solve contact at a pose with a constant correction c.
+
+        On linear skin there is no correction, and the result is exact.
+        """
         seen = self._seen(pose)
         self._choose(seen)
         self.solved += 1
@@ -208,7 +237,10 @@ class DiscContact:
         return DiscSolution(pose, self.near, force, w, slope, status, residual, steps, method, less=self._less)
 
     def _solved_otherwise(self, pose: DiscPose, offset: Array, start: Array) -> Solution:
-        """Solve contact by Gauss-Seidel sweeps, which are slower than Newton's method but more robust."""
+        """Solve contact by Gauss-Seidel sweeps.
+
+        They are slower than Newton's method but more robust.
+        """
         b = offset if self._less is None else offset - self._less[self.near]
         normals = np.tile(pose.normal, (len(offset), 1))
         return solve_contact(
@@ -225,9 +257,9 @@ class DiscContact:
         return (spread[:, columns] @ solution.force[loaded].ravel()).reshape(-1, 3)
 
     def settle(self, solution: DiscSolution) -> FrictionState:
-        """Return the friction state after a step that ended in a solution.
+        """Return the friction state after a step that ended with a solution.
 
-        A sticking point keeps its anchor. The anchors of slipping and of open points are moved to where the points are.
+        A sticking point keeps its anchor. A slipping or open point gets a new anchor at its own position.
         """
         pose = solution.pose
         local = (self.positions - pose.centre) @ pose.rotation
@@ -321,7 +353,9 @@ class DiscContact:
         return force, w, slope, status, residual, step
 
     def _slope(self, pose: DiscPose, factors: _Factors | None, force: Array, moved: Array, change: Array) -> Array:
-        """Return the derivative of the forces with respect to the configuration, shape (s, 3, n).
+        """Return the derivative of the forces, shape (s, 3, n).
+
+        The derivative is with respect to the configuration.
 
         Args:
             pose: pose of the disc.
@@ -350,7 +384,10 @@ class DiscContact:
         return slope
 
     def _seen(self, pose: DiscPose) -> _Seen:
-        """Return the positions of all points in the disc's frame; a sticking point stays at its anchor."""
+        """Return the positions of all points in the disc's frame.
+
+        For the gap at the rim, a sticking point is at its anchor.
+        """
         both = (self._all - pose.centre) @ pose.rotation
         local, across = both[: self.count], both[self.count :, :2]
         across[self._stuck] = self._stuck_at
@@ -360,11 +397,11 @@ class DiscContact:
         return _Seen(local, across, reach, over * over * (0.5 / self.disc.rounding) - local[:, 2])
 
     def _offsets(self, pose: DiscPose, seen: _Seen) -> tuple[Array, Array]:
-        """Return the offset b of the candidates and its derivative without the turning part.
+        """Return the offset b of the candidates and its derivative.
 
         Returns:
             Relative displacement without force [m], shape (s, 3), and its derivative with respect to the configuration,
-            shape (s, 3, n).
+            without the part that turns b with the disc, shape (s, 3, n).
         """
         turn, near, n = pose.rotation, self.near, len(pose.spin)
         out = seen.local.take(near, axis=0)
@@ -393,7 +430,7 @@ class DiscContact:
         self._take(np.flatnonzero(seen.gap < NEAR))
 
     def _take(self, near: NDArray[np.intp]) -> None:
-        """Set the candidates, with their part of the friction state."""
+        """Set the candidates and their part of the friction state."""
         if near is not self.near and not np.array_equal(near, self.near):
             self.choice += 1
             self._built = self._block = None
@@ -416,14 +453,20 @@ class DiscContact:
 
     @property
     def _matrix(self) -> Array:
-        """Compliance between the candidates [m/N], shape (3 s, 3 s); built when something touches."""
+        """Compliance between the candidates [m/N], shape (3 s, 3 s).
+
+        It is built at its first use, which is when something touches.
+        """
         if self._built is None:
             rows = _degrees(self.near)
             self._built = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
         return self._built
 
     def _active_block(self, active: NDArray[np.intp]) -> _Block:
-        """Return compliance and factors of the active points; those of the last step if the points are the same."""
+        """Return the compliance and the factors of the active points.
+
+        Those of the last step are returned if the points are the same.
+        """
         key = active.tobytes()
         if self._block is None or self._block.key != key:
             rows = _degrees(active)
@@ -440,7 +483,9 @@ def _degrees(points: NDArray[np.intp]) -> NDArray[np.intp]:
 
 
 def _projection_slope(normal: Array, direction: Array, friction: float, share: Array) -> Array:
-    """Return the derivative of Coulomb's projection at slipping points, shape (k, 3, 3).
+    """Return the derivative of Coulomb's projection at slipping points.
+
+    The shape is (k, 3, 3).
 
     Args:
         normal: unit normal, shape (3,).

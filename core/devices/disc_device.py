@@ -1,4 +1,4 @@
-"""DiscDevice: interface of devices that carry a rigid disc under the finger pad.
+"""DiscDevice: interface of devices with a rigid disc under the finger pad.
 
 A configuration begins with pitch, roll [rad] and distance [m]. Devices with six joints add two shifts of the disc along
 the pad, in x and y of the finger's frame [m], and its yaw [rad].
@@ -18,7 +18,10 @@ LATERAL = ("shift x", "shift y", "yaw")  # names of the values of a configuratio
 
 
 class DiscDevice(Protocol):
-    """Device as a search for a pose uses it; its n joints are angles of servos or lengths of legs."""
+    """Interface of a device for searches of poses.
+
+    The values of its n joints are angles of servos or lengths of legs.
+    """
 
     @property
     def freedoms(self) -> int:
@@ -42,7 +45,10 @@ class DiscDevice(Protocol):
 
     @property
     def servo_limits(self) -> tuple[Array, Array]:
-        """Lowest and highest value of every joint from neutral [rad or m], shape (n,) each."""
+        """Lowest and highest value of every joint [rad or m], shape (n,) each.
+
+        Values of joints are zero at neutral.
+        """
         ...
 
     @property
@@ -51,11 +57,11 @@ class DiscDevice(Protocol):
         ...
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration near `start` at which the joints have given values, shape (n,).
+        """Return the configuration for given values of the joints, shape (n,).
 
         Args:
             angles: values of the joints from neutral [rad or m], shape (n,).
-            start: configuration to start from, shape (n,).
+            start: configuration near the result, from which the search starts, shape (n,).
 
         Raises:
             DermisError: there is no such configuration.
@@ -63,11 +69,18 @@ class DiscDevice(Protocol):
         ...
 
     def pose(self, x: ArrayLike) -> PlatformPose:
-        """Return the pose of the disc in the base's frame; values that x lacks after the third are zero."""
+        """Return the pose of the disc in the base's frame.
+
+        Args:
+            x: configuration, shape (n,). Missing values after the third are zero.
+        """
         ...
 
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return the joints' values from neutral, shape (n,), and their derivatives with respect to x, shape (n, n).
+        """Return the values of the joints and their derivatives.
+
+        The values are counted from neutral [rad or m]. The derivatives are with respect to x. The shapes are (n,) and
+        (n, n).
 
         Raises:
             DermisError: the device cannot reach the configuration.
@@ -75,27 +88,41 @@ class DiscDevice(Protocol):
         ...
 
     def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return constraints c(x) >= 0 and their derivative for limits of the joints, see `ServoLimits`."""
+        """Return constraints c(x) >= 0 and their derivative, see `ServoLimits`.
+
+        Args:
+            x: configuration, shape (n,).
+            low, high: lowest and highest values of the joints from neutral [rad or m], shape (n,) each.
+        """
         ...
 
     def holds(self, x: Array, low: Array, high: Array) -> bool:
-        """Return whether the device reaches x within limits of its joints, away from singular poses."""
+        """Return whether the device reaches x within given limits of its joints.
+
+        Singular poses and poses near to them count as not reached.
+        """
         ...
 
     def feasible(self, x: ArrayLike) -> bool:
-        """Return `holds` for the whole range of the joints."""
+        """Return the result of `holds` for the whole range of the joints."""
         ...
 
 
 def seated(device: DiscDevice, pitch: float, roll: float, distance: float) -> Array:
-    """Return the configuration of a tilt [rad] and a distance [m], with all other values zero, shape (n,)."""
+    """Return the configuration of a tilt [rad] and a distance [m], shape (n,).
+
+    All other values are zero.
+    """
     x = np.zeros(device.freedoms)
     x[:3] = pitch, roll, distance
     return x
 
 
 def scale_of(device: DiscDevice) -> Array:
-    """Return the scale of each value of a configuration, shape (n,): the platform's radius for lengths, else 1."""
+    """Return the scale of each value of a configuration, shape (n,).
+
+    It is the radius of the platform for lengths, and 1 for angles.
+    """
     scale = np.ones(device.freedoms)
     scale[2:5] = device.platform_radius
     return scale

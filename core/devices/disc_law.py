@@ -1,4 +1,4 @@
-"""DiscLaw: correction of linear skin for the neo-Hookean law at the points under a disc.
+"""DiscLaw: correction of linear skin for the neo-Hookean law below a disc.
 
 Contact is solved on linear skin with a constant correction c. The law is then evaluated and gives the next c, see
 `LawSkin`. A frame starts from the c that is extrapolated from the last two frames.
@@ -29,9 +29,12 @@ class DiscLaw:
 
     @property
     def less(self) -> Array:
-        """The current correction c at the points [m], shape (n, 3): displacement of linear skin minus own."""
+        """The current correction c at the points [m], shape (n, 3).
+
+        It is the displacement of linear skin minus that of this skin.
+        """
         c = self._skin.beyond
-        # The transpose of the map of forces: work at the points equals work at the nodes.
+        # Displacements are mapped by the transpose, so that the work at the points equals the work at the nodes.
         return c if self._nodal is None else (c.ravel() @ self._nodal).reshape(-1, 3)
 
     @property
@@ -46,7 +49,7 @@ class DiscLaw:
 
     @property
     def left(self) -> float:
-        """Residual of the law at its last evaluation, relative to the forces' own energy."""
+        """Residual of the law at its last evaluation, see `LawSkin.left`."""
         return self._skin.left
 
     def begin(self, state: LawState | None) -> None:
@@ -58,14 +61,17 @@ class DiscLaw:
         self._skin.begin(ahead=1.0 if self._skin.settled else 0.0)
 
     def go_on(self, state: LawState | None) -> None:
-        """Go back to a state without extrapolation of its correction; None for rest."""
+        """Go back to a state, None for rest, without extrapolation."""
         if state is None:
             self._skin.reset()
         else:
             self._skin.restore(state)
 
     def look_anew(self) -> None:
-        """Forget the best residual of this frame, because the next evaluation is at another pose."""
+        """Forget the best residual of this frame.
+
+        The next evaluation is at another pose.
+        """
         self._skin.look_anew()
 
     def take_best(self) -> None:

@@ -1,4 +1,6 @@
-"""Data of contact with a rigid disc: its pose, its surface, the friction state and a solution.
+"""Data of contact with a rigid disc.
+
+They are the pose and the surface of the disc, the friction state, and a solution.
 
 Source: [S0] 3.1 (rigid disc on the skin), 3.4 (friction state)
 """
@@ -28,14 +30,16 @@ ROUNDING = 1.0e-3  # [m] radius of the disc's rounded rim
 
 @dataclass(frozen=True)
 class DiscPose:
-    """Pose of the disc in the finger's frame, with its derivatives with respect to the configuration.
+    """Pose of the disc in the finger's frame, with its derivatives.
+
+    The derivatives are with respect to the configuration.
 
     Attributes:
-        rotation: rotation from the disc's frame to the finger's, shape (3, 3). The touching face looks along -Z of the
+        rotation: rotation from the disc's frame to the finger's, shape (3, 3). The touching face points along -Z of the
             disc.
         centre: position of the disc's centre [m], shape (3,).
-        spin: derivative of the rotation: row j is the rotation vector per unit of x_j, shape (n, 3).
-        shift: derivative of the centre: column j is for x_j, shape (3, n).
+        spin: derivative of the rotation; row j is the rotation vector per unit of x_j, shape (n, 3).
+        shift: derivative of the centre; column j is for x_j, shape (3, n).
         x: the configuration, shape (n,).
     """
 
@@ -52,13 +56,16 @@ class DiscPose:
 
     @property
     def turning(self) -> int:
-        """Number of the first values of a configuration that may turn the disc: 2 of 3, or all of more."""
+        """Number of values, from the first on, that can turn the disc.
+
+        It is 2 for a configuration of three values, otherwise the number of all values.
+        """
         return 2 if len(self.spin) == 3 else len(self.spin)
 
     def motion(self) -> Array:
-        """Return the derivative of the disc's movement with respect to its configuration, shape (n, 3, 4).
+        """Return the derivative of the disc's movement, shape (n, 3, 4).
 
-        A point p of the disc moves by `motion[j] @ (p, 1)` per unit of x_j.
+        A point of the disc at p in the finger's frame moves by `motion[j] @ (p, 1)` per unit of x_j.
         """
         out = np.empty((len(self.spin), 3, 4))
         turns = out[:, :, :3]
@@ -89,7 +96,14 @@ class Disc(Plane):
     rounding: float = ROUNDING
 
     def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
-        """Return gap, closest point and normal of each point [m], shape (n, 3); the rim has the normal of the face."""
+        """Return gaps, closest points and normals for points in the disc's frame.
+
+        The rim has the normal of the face.
+
+        Args:
+            points: the points [m], shape (n, 3).
+            search_radius: largest gap [m]. Points with a larger gap have an infinite gap in the result.
+        """
         over = np.maximum(np.hypot(points[:, 0], points[:, 1]) - self.radius, 0.0)
         gap = -points[:, 2] + over**2 / (2 * self.rounding)
         n = len(gap)
@@ -173,7 +187,10 @@ class DiscSolution:
 
     @property
     def settled(self) -> bool:
-        """Whether the residual of the nonlinear law is within its tolerance; True if it was not evaluated."""
+        """Whether the residual of the nonlinear law is within its tolerance.
+
+        True if the law was not evaluated.
+        """
         return self.law is None or self.law.left <= LAW_TOLERANCE
 
     @property

@@ -1,4 +1,4 @@
-"""First contact of the disc with the skin, and calibration of the mounting by it."""
+"""First contact of a disc with the skin, and calibration of mounts by it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,16 @@ from .thimble import Thimble
 
 
 def first_contact(device: DiscDevice, contact: DiscContact, pitch: float = 0.0, roll: float = 0.0) -> float:
-    """Return the distance z at which the disc with a given tilt [rad] first meets the undeformed skin [m]."""
+    """Return the distance z at which the disc first touches the skin [m].
+
+    Args:
+        device: the device.
+        contact: contact of its disc with the skin, which is undeformed.
+        pitch, roll: tilt of the disc [rad].
+    """
     z = 0.0
-    for _ in range(3):  # the first step would be exact without the rim, which shifts a little with z
+    # The first step would be exact without the rounded rim, which shifts a little along the skin when z changes.
+    for _ in range(3):
         pose = placed(device, device.pose((pitch, roll, z)))
         gap = float(contact.gap(pose).min())
         z -= gap / -float(pose.shift[:, 2] @ pose.normal)
@@ -22,14 +29,15 @@ def first_contact(device: DiscDevice, contact: DiscContact, pitch: float = 0.0, 
 
 
 def calibrated(device: Thimble, contact: DiscContact, felt: Array) -> Thimble:
-    """Return a device mounted as on a person, from the servo angles at which the person first feels the disc.
+    """Return a thimble with its mount calibrated to a person.
 
-    The mounting is shifted along the base's axis until the model first touches at this pose.
+    The mount is shifted along the base's axis, until the disc of the model first touches at the servo angles at which
+    the person first feels the disc.
 
     Args:
         device: the thimble.
         contact: contact of its disc with the person's skin.
-        felt: servo angles from neutral at first contact [rad], shape (3,).
+        felt: servo angles from neutral at the person's first contact [rad], shape (3,).
 
     Raises:
         DermisError: no pose of the platform has these angles.

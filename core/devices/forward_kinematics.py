@@ -1,12 +1,14 @@
-"""Forward kinematics of a 3-RRS platform: pose from servo angles by Newton's method.
+"""Forward kinematics of a 3-RRS platform by Newton's method.
 
-For a servo angle q, the position of the knee is known, and the length L2 of the rod gives one equation for each leg:
+The pose is computed from the servo angles. For a servo angle q, the position of the knee is known, and the length L2 of
+the rod gives one equation for each leg:
 
     |(r, h) - L1 (cos q, sin q)|^2 = L2^2
 
-This equation is smooth at every pose. The servo angle as a function of the pose is not: its derivative grows without
-bound as the leg stretches. The determinant of the three equations' derivatives is the singularity margin up to a
-factor.
+Here L1 is the length of the crank, and (r, h) is the position of the joint at the platform, see `Linkage.leg_planes`.
+This equation is smooth at every pose. The servo angle as a function of the pose is not smooth: its derivative grows
+without bound as the leg stretches. The determinant of the derivatives of the three equations is the singularity margin
+up to a factor.
 """
 
 from __future__ import annotations
@@ -18,11 +20,14 @@ from ..arrays import Array
 from ..errors import DermisError
 from .linkage import Linkage
 
-TOLERANCE = 1e-13  # length of a step at which the iteration ends: tilt [rad], distance over the platform's radius
-STEPS = 40
-LONGEST = 0.25  # longest step, in the same units; a longer one could jump over a singular pose
-SHORTEST = 1e-3  # shortest share of a step that is tried
-FINEST = 1 / 256  # shortest part of the path from the start to the wanted angles, if the direct iteration fails
+# Steps are measured by their largest component: tilt [rad], or distance divided by the platform's radius.
+TOLERANCE = 1e-13  # step at which the iteration ends
+STEPS = 40  # largest number of steps
+LONGEST = 0.25  # longest step; a longer one could jump over a singular pose
+SHORTEST = 1e-3  # smallest fraction of a step that is tried
+# If the direct iteration fails, the angles are changed from those of the start to the wanted ones in parts. This is the
+# smallest part.
+FINEST = 1 / 256
 
 
 def configuration(linkage: Linkage, angles: ArrayLike, start: ArrayLike) -> Array:
@@ -34,7 +39,7 @@ def configuration(linkage: Linkage, angles: ArrayLike, start: ArrayLike) -> Arra
     Args:
         linkage: links of the platform.
         angles: servo angles [rad], shape (3,).
-        start: configuration on that side to start from, shape (3,).
+        start: configuration from which the search starts, on the same side as the level pose, shape (3,).
 
     Raises:
         DermisError: no such configuration was found.
@@ -57,16 +62,20 @@ def configuration(linkage: Linkage, angles: ArrayLike, start: ArrayLike) -> Arra
 
 
 def _bent(linkage: Linkage, angles: Array, x: Array) -> bool:
-    """Return whether all knees point to the side of `Linkage.bend`; legs can also close on the other side."""
+    """Return whether all knees point to the side of `Linkage.bend`.
+
+    The equations of the rods also have solutions with knees on the other side.
+    """
     planes = linkage.leg_planes(linkage.pose(x))
     sides = (h * np.cos(q) - r * np.sin(q) for (r, h, _, _), q in zip(planes, angles.tolist(), strict=True))
     return all(linkage.bend * side > 0.0 for side in sides)
 
 
 def _rods(linkage: Linkage, angles: Array, x: Array) -> tuple[Array, Array]:
-    """Return the residuals of the three rods' equations, shape (3,), and their derivatives, shape (3, 3).
+    """Return the residuals of the rods' equations and their derivatives.
 
-    A residual is the missing length of a rod, divided by the platform's radius.
+    A residual is, to first order, the missing length of a rod, divided by the platform's radius. The derivatives are
+    with respect to the tilt and to the distance divided by this radius. The shapes are (3,) and (3, 3).
     """
     size, rod = linkage.platform_radius, linkage.rod
     miss, slopes = [], []
@@ -79,7 +88,10 @@ def _rods(linkage: Linkage, angles: Array, x: Array) -> tuple[Array, Array]:
 
 
 def _closed(linkage: Linkage, angles: Array, x: Array) -> Array | None:
-    """Solve the rods' equations from x by a damped Newton method; None if it does not converge."""
+    """Solve the rods' equations by a damped Newton method.
+
+    Return the configuration, shape (3,), or None if the method does not converge from the start x.
+    """
     scale = np.array([1.0, 1.0, linkage.platform_radius])  # makes tilt and distance comparable
     miss, slopes = _rods(linkage, angles, x)
     for _ in range(STEPS):

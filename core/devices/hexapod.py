@@ -21,9 +21,9 @@ from .cable_platform import joint_angles, on_circle
 from .poses import Poses
 from .spec import DeviceSpec
 
-NEWTON_STEPS = 30
+NEWTON_STEPS = 30  # largest number of steps of forward kinematics
 CLOSED = 1e-11  # [m] largest error of a leg's length in forward kinematics
-SINGULAR = 1e-4  # least `Hexapod.conditioning` of the reference configuration
+SINGULAR = 1e-4  # least allowed `Hexapod.conditioning` of the reference configuration
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,10 +131,13 @@ def mechanism(spec: DeviceSpec) -> Hexapod:
 
 
 def _rows(at: Array, along: Array) -> Array:
-    """Return the derivative of leg lengths by movement, shape (n, 6, 6).
+    """Return the derivative of the leg lengths, shape (n, 6, 6).
+
+    The derivative is with respect to a movement of the platform, which is a shift and then a turn.
 
     Args:
-        at: positions of the legs' joints on the platform [m], shape (n, 6, 3). The turn is about their origin.
+        at: joints of the legs on the platform [m], shape (n, 6, 3), relative to the point about which the platform
+            turns.
         along: unit vectors along the legs, shape (n, 6, 3).
     """
     return np.concatenate([along, np.cross(at, along)], axis=2)

@@ -1,7 +1,8 @@
-"""Inverse kinematics of a 3-RRS platform: servo angles and singularity margin from a configuration.
+"""Inverse kinematics of a 3-RRS platform, with the singularity margin.
 
-The joint of a leg on the platform lies at a distance r outwards of its servo and at a height h. The platform has the
-normal a and turns without torsion. With m = a.e for the direction e of the leg:
+The servo angles are computed from a configuration. The joint of a leg on the platform lies at a distance r outwards of
+its servo and at a height h. The platform has the normal a and turns without torsion. With m = a.e for the direction e
+of the leg, and the radii rp of the platform and rb of the base:
 
     r = rp (3/2 - a_z / 2 - 2 m^2 / (1 + a_z)) - rb        h = distance - rp m
 
@@ -15,14 +16,17 @@ import math
 from ..errors import DermisError
 from .linkage import LEGS, Linkage
 
-# Largest cosine of the angle between crank and leg, 0.08 degrees from a stretched or folded leg. Nearer to these, a
-# servo's angle hardly determines the pose, and its derivative grows without bound.
+# Largest cosine of the angle between a crank and the line from its servo to the joint on the platform. The angle is
+# then 0.08 degrees from that of a stretched or folded leg. At smaller differences, the servo's angle hardly determines
+# the pose, and its derivative with respect to the pose grows without bound.
 BENT = 1.0 - 1e-6
 UPRIGHT = 1.5 * math.sqrt(3.0)  # determinant for a level platform on upright rods, by which the margin is divided
 
 
 def inverse_kinematics(linkage: Linkage, pitch: float, roll: float, distance: float) -> tuple[list[float], float]:
-    """Return the servos' angles from neutral [rad] and the singularity margin, as Python floats.
+    """Return the angles of the servos and the singularity margin.
+
+    They are Python floats. The angles are counted from neutral [rad].
 
     Args:
         linkage: links of the platform.

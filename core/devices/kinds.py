@@ -1,7 +1,8 @@
-"""Kinds of device: one entry for each, with all data that are needed before a mechanism is loaded.
+"""Kinds of device, with all data needed before a mechanism is loaded.
 
-An entry names the file that checks a preset and the one that renders a track, the parameters of a preset, its channels,
-and whether a finger is inside the device. `core/README.md`, *A new device*, lists all other places to change.
+There is one entry for each kind. An entry names the file that checks a preset and the file that renders a track. It has
+the parameters of a preset, its channels, and whether a finger is inside the device. `core/README.md`, *A new device*,
+lists all other places to change.
 """
 
 from __future__ import annotations
@@ -26,11 +27,13 @@ class Kind:
         renderer: file in `matching/` whose function `render` makes the track.
         parameters: parameters of a preset.
         settings: names of the rows of `parameters/device.py` that the renderer reads.
-        channels: names and units of the channels that it can fill; empty if a preset may name any.
-        count: number of channels of a preset, or the parameters whose product it is; 0 for any number.
+        channels: names and units of the channels that the renderer can fill; empty if a preset may name any channels.
+        count: number of channels of a preset, or the names of parameters whose product is this number; 0 for any
+            number.
         worn: whether a finger is inside the device and must be released. A preset then states a safe pose.
         follows_skin: whether `render` uses the contact of the finger's whole skin, besides that of its pad.
-        platform: whether its motors have ranges, may be coupled, and are commanded by a look-up table.
+        platform: whether the device is a platform whose motors have ranges, may be coupled, and are commanded by a
+            look-up table.
         drawn: form in which Blender shows the device; empty for its name and values alone.
         sine: channels of amplitude and frequency of a sinusoid that drives the device; empty if there is none.
         wave: channel that is a voltage over time; '' if there is none.

@@ -1,12 +1,12 @@
-"""Linkage of a 3-RRS platform: its pose and its servo angles for a configuration.
+"""Linkage of a 3-RRS platform: pose and servo angles of a configuration.
 
-Three identical legs stand 120 degrees apart. Each is a crank of length L1 on a servo, a rod of length L2 and a ball
-joint on the platform, and stays in its own vertical plane. That constraint makes the platform shift and yaw when it
-tilts; both are part of its pose here.
+Three identical legs are 120 degrees apart. A leg is a crank of length L1 on a servo, a rod of length L2 and a ball
+joint on the platform. Each leg stays in its own vertical plane. This constraint makes the platform shift and yaw when
+it tilts. The poses here include this parasitic shift and yaw.
 
 The base frame has its origin at the base's centre and +Z from the base to the platform. A configuration is
-x = (pitch, roll, distance): pitch about X, roll about Y, and distance of the platform from the base. A pose is the
-rotation and the position of the platform's centre that result.
+x = (pitch, roll, distance): pitch about X, roll about Y, and distance of the platform from the base. The resulting pose
+consists of the rotation of the platform and the position of its centre.
 
 Source: [S0] 3.1 with the kinematics of the project's corrections (closed form of the 3-RRS).
 """
@@ -29,13 +29,15 @@ LEGS = tuple((math.cos(a), math.sin(a)) for a in (0.0, 2 * math.pi / 3, 4 * math
 
 @dataclass(frozen=True)
 class PlatformPose:
-    """Pose of a platform in the base frame, with its derivatives with respect to the configuration.
+    """Pose of a platform in the base frame, with its derivatives.
+
+    The derivatives are with respect to the configuration.
 
     Attributes:
         rotation: rotation from the platform's frame to the base's, shape (3, 3).
         centre: position of the platform's centre [m], shape (3,).
-        spin: derivative of the rotation, row i for x_i: dR/dx_i = spin_i x R, shape (n, 3).
-        d_centre: derivative of the centre, column i for x_i, shape (3, n).
+        spin: derivative of the rotation; row i is for x_i: dR/dx_i = spin_i x R, shape (n, 3).
+        d_centre: derivative of the centre; column i is for x_i, shape (3, n).
         x: the configuration, which begins with pitch, roll and distance, shape (n,).
     """
 
@@ -55,7 +57,8 @@ class Linkage:
         crank, rod: lengths L1 and L2 [m].
         servo_zero: servo angle at neutral [rad].
         bend: +1 if the legs' knees point outwards, -1 if inwards.
-        side: +1 if the level platform hangs on its rods, -1 if it stands on them; the sign of the determinant.
+        side: +1 if the level platform hangs on its rods, -1 if it stands on them. This is the sign of the determinant
+            of which the singularity margin is made.
     """
 
     platform_radius: float
@@ -67,7 +70,10 @@ class Linkage:
     side: float = field(default=1.0, kw_only=True)
 
     def pose(self, x: ArrayLike) -> PlatformPose:
-        """Return the platform's pose at x = (pitch, roll, distance), with parasitic shift and yaw."""
+        """Return the pose of the platform at x = (pitch, roll, distance).
+
+        It includes the parasitic shift and yaw.
+        """
         # Python floats are faster here than NumPy arrays of three elements.
         at = np.array(x, dtype=np.float64)
         pitch, roll, distance = at.tolist()
@@ -101,13 +107,19 @@ class Linkage:
         )
 
     def leg_margins(self, x: ArrayLike) -> Array:
-        """Return the margin of each leg to being stretched or folded, shape (3,); negative if it cannot reach."""
+        """Return how far each leg is from being stretched or folded, shape (3,).
+
+        The value is 1 minus the absolute cosine of the angle between the crank and the line from the servo to the joint
+        on the platform. It is negative if the leg cannot reach.
+        """
         legs = self.leg_planes(self.pose(x))
         distance = np.array([math.hypot(r, h) for r, h, _, _ in legs])
         return 1.0 - np.abs((self.crank**2 + distance**2 - self.rod**2) / (2 * self.crank * distance))
 
     def servo_angles(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return servo angles [rad], shape (3,), and their derivatives with respect to x, shape (3, 3).
+        """Return the servo angles and their derivatives.
+
+        The angles [rad] have the shape (3,), their derivatives with respect to x the shape (3, 3).
 
         Raises:
             DermisError: a leg cannot reach the platform.
@@ -116,7 +128,13 @@ class Linkage:
         return np.array(angles) + self.servo_zero, np.array(slopes)
 
     def angles_from_neutral(self, pose: PlatformPose) -> tuple[list[float], list[list[float]]]:
-        """Return the servos' angles from neutral [rad] at a pose, and their derivatives, as Python floats."""
+        """Return the angles of the servos at a pose, and their derivatives.
+
+        They are Python floats. The angles are counted from neutral [rad]. The derivatives are with respect to x.
+
+        Raises:
+            DermisError: a leg cannot reach the platform.
+        """
         angles, slopes = [], []
         crank, rod = self.crank, self.rod
         for leg, (r, h, dr, dh) in enumerate(self.leg_planes(pose)):

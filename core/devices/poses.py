@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 
-# Largest shift [m] and turn [rad] of a step of a search. In longer steps, cables could change between taut and slack.
+# Largest shift [m] and largest turn [rad] in one step of a search. In longer steps, cables could change between taut
+# and slack.
 FAR, TURN = 6e-3, 0.25
 
 
@@ -29,23 +30,34 @@ class Poses:
         return len(self.centre)
 
     def take(self, rows: NDArray[np.intp]) -> Poses:
-        """Return some of the poses."""
+        """Return the poses with given indices."""
         return Poses(self.rotation[rows], self.centre[rows])
 
     def moved(self, twist: Array) -> Poses:
-        """Return the poses after a movement about the finger's origin: shift [m] and turn [rad], shape (n, 6)."""
+        """Return the poses after a movement.
+
+        Args:
+            twist: shift [m] and turn about the finger's origin [rad] of each pose, shape (n, 6).
+        """
         turn = rotation(twist[:, 3:])
         return Poses(turn @ self.rotation, np.einsum("nij,nj->ni", turn, self.centre) + twist[:, :3])
 
 
 def limited(twist: Array) -> Array:
-    """Scale down movements (shift, turn), shape (n, 6), that exceed `FAR` or `TURN` in a component."""
+    """Return movements scaled down to a largest component of `FAR` or `TURN`.
+
+    Args:
+        twist: movements (shift, turn) [m, rad], shape (n, 6). A movement within these limits is not changed.
+    """
     size = np.maximum(np.abs(twist[:, :3]).max(axis=1) / FAR, np.abs(twist[:, 3:]).max(axis=1) / TURN)
     return np.asarray(twist / np.maximum(size, 1.0)[:, None])
 
 
 def inverted(matrices: Array) -> Array:
-    """Return the inverses of matrices, shape (n, k, k); NaN for a singular matrix."""
+    """Return the inverses of matrices, shape (n, k, k).
+
+    The inverse of a singular matrix is filled with NaN.
+    """
     try:
         return np.asarray(np.linalg.inv(matrices), np.float64)
     except np.linalg.LinAlgError:
@@ -56,7 +68,11 @@ def inverted(matrices: Array) -> Array:
 
 
 def rotation(vectors: Array) -> Array:
-    """Return the rotation matrices, shape (n, 3, 3), of rotation vectors [rad], shape (n, 3)."""
+    """Return the rotation matrices of rotation vectors, shape (n, 3, 3).
+
+    Args:
+        vectors: rotation vectors [rad], shape (n, 3).
+    """
     angle = np.sqrt((vectors**2).sum(axis=1))[:, None, None]
     small = angle < 1e-6
     safe = np.where(small, 1.0, angle)
@@ -67,7 +83,11 @@ def rotation(vectors: Array) -> Array:
 
 
 def crossing(vectors: Array) -> Array:
-    """Return the matrices S with S a = v x a, shape (..., 3, 3), of vectors v, shape (..., 3)."""
+    """Return the matrices S with S a = v x a, shape (..., 3, 3).
+
+    Args:
+        vectors: the vectors v, shape (..., 3).
+    """
     return (vectors @ _CROSS).reshape(*vectors.shape, 3)
 
 

@@ -1,4 +1,4 @@
-"""Contact problem of a platform under a finger pad, for batches of commands."""
+"""Contact of a platform under a finger pad, for batches of commands."""
 
 from __future__ import annotations
 
@@ -33,12 +33,14 @@ class Carrier(Protocol):
 
         Args:
             commands: commands of the motors, shape (n, motors).
-            start: poses nearby to start from.
+            start: poses near the result, from which a search starts.
         """
         ...
 
     def give(self, commands: Array, poses: Poses, *, first: bool) -> tuple[Array, Array] | None:
-        """Return the mechanism's forces on the platform and its compliance; None for a rigid mechanism.
+        """Return the mechanism's forces on the platform and its compliance.
+
+        The result is None for a rigid mechanism.
 
         Args:
             commands: commands of the motors, shape (n, motors).
@@ -46,8 +48,8 @@ class Carrier(Protocol):
             first: whether the poses are a first guess. Cables then do not count as slack.
 
         Returns:
-            Force [N] and moment about the finger's origin [N m] on the platform, shape (n, 6), and its movement (shift,
-            turn) for a load, symmetric, shape (n, 6, 6).
+            Force [N] and moment about the finger's origin [N m] on the platform, shape (n, 6). The compliance: movement
+            (shift, turn) of the platform for a unit load, symmetric, shape (n, 6, 6).
         """
         ...
 
@@ -62,7 +64,7 @@ class PressPoints:
 
     Attributes:
         positions: points of the undeformed skin in the finger's frame [m], shape (n, 3).
-        compliance: compliance between them, symmetric [m/N], shape (3 n, 3 n).
+        compliance: compliance between the points, symmetric [m/N], shape (3 n, 3 n).
         nodal: maps forces on the points to forces on the pad nodes, shape (3 m, 3 n); None if the points are the nodes.
         law: tables of the nonlinear law of the tissue; None for linear tissue.
         modulus: Young's modulus times the personal stiffness factor, E alpha [Pa].
@@ -93,9 +95,9 @@ class PressProblem:
 
     Args:
         compliance: compliance between points of the skin [m/N], shape (3 m, 3 m).
-        positions: these points, undeformed, in the finger's frame [m], shape (m, 3).
+        positions: positions of these points on the undeformed skin, in the finger's frame [m], shape (m, 3).
         carrier: mechanism that carries the platform.
-        friction: Coulomb coefficient.
+        friction: Coulomb's coefficient of friction.
 
     Attributes:
         rho: weight of the identity that is added to C in the alternating method [m/N].
@@ -112,7 +114,7 @@ class PressProblem:
 
     def __init__(self, compliance: Array, positions: Array, carrier: Carrier, friction: float) -> None:
         m = len(positions)
-        # the order by component
+        # Index in the order by point, for each index in the order by component.
         order = np.arange(3 * m).reshape(m, 3).T.ravel()
         ends = np.linalg.eigvalsh(compliance)[[0, -1]]
         if not ends[0] > 0.0:
@@ -141,11 +143,17 @@ class PressProblem:
         self.spread = np.ascontiguousarray(spread.T, np.float32)
 
     def columns(self, points: Indices) -> Indices:
-        """Return the indices of points' components in the order by component, shape (3 k,)."""
+        """Return the indices of the components of points, shape (3 k,).
+
+        The components are in the order by component.
+
+        Args:
+            points: indices of the points, shape (k,).
+        """
         return np.concatenate([points, self.count + points, 2 * self.count + points])
 
     def part(self, points: Indices) -> PressProblem:
-        """Return the contact problem of some points; the others carry no force."""
+        """Return the contact problem in which only given points carry force."""
         made, own = copy(self), self.columns(points)
         made.own = self.own[own]
         made._set(self.exact[np.ix_(own, own)], self.positions[points], self.carrier, self.friction, self.rho)
@@ -156,7 +164,10 @@ class PressProblem:
         return self.local(poses)[1]
 
     def local(self, poses: Poses) -> tuple[Array, Array]:
-        """Return the points in the platform's frame, (n, m, 3), and their gaps, (n, m) [m]."""
+        """Return the points in the platform's frame, and their gaps.
+
+        The shapes are (n, m, 3) and (n, m), both in m.
+        """
         local = (self.positions[None] - poses.centre[:, None]) @ poses.rotation
         over = np.maximum(np.sqrt(local[:, :, 0] ** 2 + local[:, :, 1] ** 2) - self.carrier.disc_radius, 0.0)
         return local, local[:, :, 2] + over * over * (0.5 / ROUNDING)

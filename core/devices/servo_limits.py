@@ -1,4 +1,7 @@
-"""Limits of a thimble's servos: the tighter of those of the mechanism and of the channels."""
+"""Limits of a thimble's servos, from its mechanism and its channels.
+
+The tighter of the two limits applies.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ SERVOS = ("servo_1", "servo_2", "servo_3")
 
 
 def servo_bounds(spec: DeviceSpec, servo_range: float) -> Array | None:
-    """Return the lowest and the highest angle of every servo from neutral [rad], shape (2, 3).
+    """Return the lowest and the highest angle of every servo.
 
     A search for a pose must know these limits, because a pose changes if a single angle is clipped afterwards.
 
@@ -21,7 +24,7 @@ def servo_bounds(spec: DeviceSpec, servo_range: float) -> Array | None:
         servo_range: range of the mechanism to either side of neutral [rad].
 
     Returns:
-        The limits; None if no channel is narrower than the mechanism.
+        The limits from neutral [rad], shape (2, 3); None if no channel has a narrower range than the mechanism.
 
     Raises:
         DermisError: a channel leaves its servo no range.
@@ -44,7 +47,14 @@ def servo_bounds(spec: DeviceSpec, servo_range: float) -> Array | None:
 
 
 def servo_speed(spec: DeviceSpec, speed: float) -> float:
-    """Return the speed that every servo can reach [rad/s]: the mechanism's, or that of a slower channel."""
+    """Return the speed that every servo can reach [rad/s].
+
+    It is that of the slowest channel, or `speed` if no channel is slower.
+
+    Args:
+        spec: preset of the thimble.
+        speed: speed of the mechanism's servos [rad/s].
+    """
     slews = [c.slew for c in spec.channels if c.name in SERVOS and c.slew is not None]
     slower = [slew for slew in slews if slew < speed * (1 - 1e-12)]
     return min(slower, default=speed)

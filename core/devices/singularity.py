@@ -6,7 +6,7 @@ the same side of them as its level pose.
 
 The joint of a leg lies at a distance r outwards of its servo and at a height h, see `inverse_kinematics`. A movement of
 the platform changes the length of a rod with unit direction l by l . d(r, h). The margin is the determinant of these
-changes of the three rods; it is 1 for a level platform on upright rods.
+changes for the three rods, scaled to be 1 for a level platform on upright rods.
 
 Source: [S0] 3.1 with the kinematics of the project's corrections; Gosselin and Angeles 1990 for the kind of singularity
 """
@@ -23,7 +23,9 @@ from .linkage import LEGS, Linkage
 
 
 def singularity_margin(linkage: Linkage, pitch: float, roll: float, distance: float) -> tuple[float, Array]:
-    """Return the singularity margin of a configuration and its derivative, shape (3,).
+    """Return the singularity margin of a configuration and its derivative.
+
+    The derivative is with respect to the configuration, shape (3,).
 
     Args:
         linkage: links of the platform.

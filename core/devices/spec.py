@@ -1,4 +1,4 @@
-"""DeviceSpec: a device preset in SI units, with the channels of a command track for it."""
+"""DeviceSpec: a device preset in SI units, with the channels of a track."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ class Channel:
         name: name, unique within the device, such as 'pulley_1'.
         unit: SI unit of the values.
         low, high: allowed range [unit]; None for no limit.
-        slew: largest change in a second [unit/s]; None for no limit.
-        rest: value at which the device is at rest; the safe pose is stated separately.
-        actuator: physical actuator that the channel drives; two channels of one track cannot drive the same. '' for a
-            channel that only informs, such as a tactor position.
+        slew: slew limit, the largest change in a second [unit/s]; None for no limit.
+        rest: value at which the device is at rest [unit]; the safe pose is stated separately.
+        actuator: physical actuator that the channel drives; no two channels of a track can drive the same actuator. ''
+            for a channel that drives nothing, such as the position of a tactor.
     """
 
     name: str
@@ -84,16 +84,21 @@ class DeviceSpec:
 
     @property
     def worn(self) -> bool:
-        """Whether a finger is inside the device, so that the preset must state a safe pose."""
+        """Whether a finger is inside the device.
+
+        The preset must then state a safe pose.
+        """
         return self.kind in KINDS and KINDS[self.kind].worn
 
     @property
     def follows_skin(self) -> bool:
-        """Whether its track is made from the contact of the finger's whole skin."""
+        """Whether the track is made from the contact of the finger's whole skin."""
         return self.kind in KINDS and KINDS[self.kind].follows_skin
 
     def value(self, name: str) -> Any:
-        """Return a parameter of the device in SI units, or its default if the preset does not state it.
+        """Return a parameter of the device in SI units.
+
+        If the preset does not state the parameter, its default is returned.
 
         Raises:
             DermisError: the parameter is required and missing, has a wrong type, or is out of range.
@@ -171,7 +176,10 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
 
 
 def _rate(entry: Any, where: str) -> float:
-    """Return the command rate [Hz]; it must not exceed the largest rate of a stream."""
+    """Return the command rate [Hz].
+
+    It must not exceed the largest rate of a stream.
+    """
     rate, most = positive(_number(entry, where), where), STREAM["rate"].high
     if most is not None and rate > most:
         raise DermisError("the rate is higher than Dermis can send", where=where, value=rate, limit=f"<= {most:g} Hz")
@@ -179,7 +187,10 @@ def _rate(entry: Any, where: str) -> float:
 
 
 def repeated_names(spec: DeviceSpec) -> dict[str, tuple[str, ...]]:
-    """Return the names of repeated channels by the name of their entry: 'pin_{}' to 'pin_001', 'pin_002', ..."""
+    """Return the names of repeated channels by the name of their entry.
+
+    The key 'pin_{}', for example, has the value ('pin_001', 'pin_002', ...).
+    """
     entries = [e for e in spec.source.get("channels", ()) if "repeat" in e]
     return {e["name"]: tuple(one["name"] for one in _repeated(e, spec.key)) for e in entries}
 
@@ -192,7 +203,10 @@ def positive(value: float, where: str) -> float:
 
 
 def range_disc(spec: DeviceSpec) -> tuple[int, int, float] | None:
-    """Return the columns of the two channels with a common round range, and its radius; None without one.
+    """Return the common round range of two channels; None if there is none.
+
+    Returns:
+        Columns of the two channels in a track, and radius of the range in their unit.
 
     Raises:
         DermisError: the range disc does not name two channels of the device with one unit, or its radius is not above
@@ -245,7 +259,10 @@ def _link_budget(entries: Mapping[str, Any], where: str) -> dict[str, float]:
 
 
 def _repeated(entry: Mapping[str, Any], where: str) -> list[Mapping[str, Any]]:
-    """Expand an entry with "repeat": n; {} in its name and actuator becomes 1 to n, with leading zeros."""
+    """Return the n entries for an entry with "repeat": n.
+
+    In their names and actuators, {} is replaced by 1 to n, with leading zeros.
+    """
     if "repeat" not in entry:
         return [entry]
     count, name = entry["repeat"], str(entry.get("name", ""))
@@ -277,7 +294,7 @@ def _channel(entry: Mapping[str, Any], where: str) -> Channel:
         units = ", ".join(dict.fromkeys(si for si, _ in UNITS.values()))
         raise DermisError("a channel's unit must be SI", where=place, value=entry["unit"], limit=units)
     unknown = sorted(set(entry) - set(CHANNEL))
-    if unknown:  # a misspelt limit would not limit anything
+    if unknown:  # without this error, a misspelt limit would have no effect
         raise DermisError("unknown field", where=place, value=", ".join(unknown), limit=", ".join(CHANNEL))
     given = {k: entry[k] for k in ("low", "high", "slew", "rest") if entry.get(k) is not None}
     limits = {k: _in_unit(field, entry["unit"], f"{place}, {k}") for k, field in given.items()}
@@ -293,7 +310,10 @@ def _channel(entry: Mapping[str, Any], where: str) -> Channel:
 
 
 def _in_unit(field: Any, unit: str, where: str) -> float:
-    """Read a limit; a plain number is in the channel's unit, or for a slew in this unit per second."""
+    """Return a limit in the channel's unit, a slew limit in unit per second.
+
+    A plain number is already in this unit.
+    """
     value = _number(field, where)
     wanted = f"{unit}/s" if where.endswith(", slew") else unit
     if isinstance(field, Mapping) and UNITS[field["unit"]][0] != wanted:

@@ -1,6 +1,7 @@
-"""Thimble 3-RRS: a disc under the finger pad, pitched, rolled and pressed by three servos above the nail.
+"""Thimble 3-RRS: a disc under the finger pad, moved by three servos.
 
-The class adds servos (with range and speed), the disc and the mount on the finger to the linkage.
+The servos are above the nail. They pitch and roll the disc and press it into the pad. `Thimble` adds the servos, with
+their range and speed, the disc and the mount on the finger to the linkage.
 
 Source: [S0] 3.1; its kinematics are replaced by a closed form of the 3-RRS, see `core/THEORY.md`.
 """
@@ -24,17 +25,17 @@ from .servo_limits import SERVOS, servo_bounds, servo_speed
 from .singularity import singularity_margin
 from .spec import DeviceSpec
 
-# Least singularity margin allowed. At this margin an error of a servo's angle turns the platform by 15 times this
-# error; at a margin of zero the platform gives way.
+# Least allowed singularity margin. At this margin an error of a servo's angle turns the platform by 15 times the error.
+# At a margin of zero the platform gives way.
 MIN_MARGIN = 0.03
-# Limit of pitch and roll [rad]. A pair (pitch, roll) with both values beyond it describes the same pose as a pair
-# within it, but gives the singularity margin the opposite sign. So no value beyond it is allowed.
+# [rad] limit of pitch and roll. If pitch and roll are both beyond the limit, their pose is also that of a pair within
+# the limit, but the singularity margin has the opposite sign. So no value beyond the limit is allowed.
 QUARTER = math.pi / 2
 
 
 @dataclass(frozen=True)
 class Thimble(Linkage):
-    """The mechanism of the thimble: a 3-RRS linkage with its servos, disc and mount.
+    """Mechanism of the thimble: 3-RRS linkage, servos, disc and mount.
 
     Attributes:
         servo_range: largest angle of a servo to either side of neutral [rad].
@@ -43,8 +44,8 @@ class Thimble(Linkage):
         mount: pose of the base frame in the finger's frame, shape (4, 4), lengths in m.
         pulse_neutral: pulse width of a servo at neutral [s].
         pulse_gain: change of the pulse width per angle [s/rad].
-        bounds: lowest and highest angle of each servo from neutral [rad], shape (2, 3). None if no channel of a servo
-            is narrower than `servo_range`.
+        bounds: lowest and highest angle of each servo from neutral [rad], shape (2, 3). None if no servo's channel has
+            a narrower range than `servo_range`.
     """
 
     servo_range: float
@@ -57,18 +58,21 @@ class Thimble(Linkage):
 
     @property
     def freedoms(self) -> int:
-        """Number of values in a configuration; equal to the number of servos."""
+        """Number of values in a configuration, which is the number of servos."""
         return 3
 
     @property
     def servo_limits(self) -> tuple[Array, Array]:
-        """Lowest and highest angle of each servo from neutral [rad], shape (3,) each."""
+        """Lowest and highest angle of each servo [rad], shape (3,) each.
+
+        Angles are counted from neutral.
+        """
         if self.bounds is None:
             return np.full(3, -self.servo_range), np.full(3, self.servo_range)
         return self.bounds[0], self.bounds[1]
 
     def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return the constraints c(x) >= 0 of a configuration, and their derivative.
+        """Return the constraints c(x) >= 0 of a configuration and dc/dx.
 
         The first three values are the distances of the servos' angles from their highest [rad], the next three those
         from their lowest [rad]. The last is the singularity margin minus `MIN_MARGIN`.
@@ -89,7 +93,9 @@ class Thimble(Linkage):
         return np.concatenate([high - angles, angles - low, [margin - MIN_MARGIN]]), np.vstack([-by_x, by_x, softer])
 
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
-        """Return the servos' angles from neutral [rad], shape (3,), and their derivative by x, shape (3, 3).
+        """Return the angles of the servos and their derivative.
+
+        The angles are counted from neutral [rad], shape (3,). The derivative is with respect to x, shape (3, 3).
 
         Args:
             x: pitch, roll [rad] and distance [m], shape (3,).
@@ -101,9 +107,9 @@ class Thimble(Linkage):
         return angles - self.servo_zero, slopes
 
     def feasible(self, x: ArrayLike) -> bool:
-        """Return whether a configuration is allowed by the device's own servo limits.
+        """Return whether a configuration is allowed by the device's limits.
 
-        It is allowed if all legs reach, all servos stay within their limits, and the singularity margin is at least
+        It is allowed if all legs reach, all servos are within `servo_limits`, and the singularity margin is at least
         `MIN_MARGIN`.
         """
         low, high = self.servo_limits
@@ -121,13 +127,19 @@ class Thimble(Linkage):
         return self.within(pitch, roll, distance, low.tolist(), high.tolist())
 
     def within(self, pitch: float, roll: float, distance: float, low: list[float], high: list[float]) -> bool:
-        """Return the result of `holds`, for plain numbers: angles and limits [rad], distance [m]."""
+        """Return the result of `holds` for Python floats.
+
+        Tilt and limits are in rad, the distance is in m.
+        """
         return self.room(pitch, roll, distance, low, high) is not None
 
     def room(
         self, pitch: float, roll: float, distance: float, low: list[float], high: list[float]
     ) -> list[float] | None:
-        """Return c(x) of `constraints` as plain numbers; None if a leg cannot reach or any value is negative."""
+        """Return c(x) of `constraints` as Python floats; None if not allowed.
+
+        A configuration is not allowed if a leg cannot reach, or if a value of c is negative.
+        """
         if not (abs(pitch) < QUARTER and abs(roll) < QUARTER):
             return None
         try:
@@ -138,7 +150,7 @@ class Thimble(Linkage):
         return room if min(room) >= 0.0 else None
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
-        """Return the configuration at given servo angles (forward kinematics); see `configuration`.
+        """Return the configuration for given servo angles, see `configuration`.
 
         Args:
             angles: servo angles from neutral [rad], shape (3,).
@@ -153,14 +165,18 @@ class Thimble(Linkage):
         return configuration(self, np.asarray(angles, dtype=np.float64) + self.servo_zero, start)
 
     def pulse_width(self, angles: ArrayLike) -> Array:
-        """Return the servos' pulse widths [s] for the linkage's servo angles [rad].
+        """Return the pulse widths of the servos [s].
 
-        These angles equal `servo_zero` at neutral, not 0.
+        Args:
+            angles: servo angles of the linkage [rad], which are `servo_zero` at neutral, not 0.
         """
         return self.pulse_neutral + self.pulse_gain * (np.asarray(angles, dtype=np.float64) - self.servo_zero)
 
     def in_finger(self, pose: PlatformPose) -> Array:
-        """Return the platform's pose in the finger's frame, shape (4, 4), lengths in m."""
+        """Return a pose of the platform in the finger's frame, shape (4, 4).
+
+        Lengths are in m.
+        """
         local = np.eye(4)
         local[:3, :3], local[:3, 3] = pose.rotation, pose.centre
         return self.mount @ local
@@ -185,14 +201,14 @@ def mechanism(spec: DeviceSpec) -> Thimble:
     The servos are at neutral if the platform is level at the preset's `reference_distance`.
 
     Raises:
-        DermisError: a length or limit is not positive, the links cannot close at the reference distance or do not hold
-            the platform there, or a channel leaves its servo no range.
+        DermisError: a length or limit is not above zero; the links do not reach the platform at the reference distance
+            or do not hold it there; or a channel leaves its servo no range.
     """
     where = f"device preset '{spec.key}'"
     names = ("platform_radius", "base_radius", "crank", "rod", "servo_range", "servo_speed", "disc_radius")
     sizes: dict[str, Any] = {name: spec.value(name) for name in names}
     reference = spec.value("reference_distance")
-    # the base is above the nail and faces the finger: its +Z is the finger's -Z, and its +Y is the finger's +Y
+    # The base is above the nail and faces the finger: its +Z is the finger's -Z, and its +Y is the finger's +Y.
     mount = np.diag([-1.0, 1.0, -1.0, 1.0])
     mount[:3, 3] = spec.value("mount_position") or (0.0, 0.0, reference)
     bend = -1.0 if spec.value("knee") == "inwards" else 1.0
@@ -223,5 +239,8 @@ def mechanism(spec: DeviceSpec) -> Thimble:
 
 
 def reference_distance(spec: DeviceSpec, device: Thimble) -> float:
-    """Return the platform's distance from the base with all servos at neutral [m], a start for forward kinematics."""
+    """Return the distance of the platform from the base at neutral [m].
+
+    Forward kinematics can start from this distance.
+    """
     return float(spec.parameters.get("reference_distance", device.mount[2, 3]))

@@ -1,9 +1,9 @@
-"""Description: the stress components by which a device's poses are compared with targets.
+"""Description: stress components for comparing poses with targets.
 
-They are the principal components of the stress that a device makes on a skin during simulated movements. To find them
-takes seconds, so the descriptions of shipped skins and devices are shipped beside the presets. Each file names the
-source files that computed it and has a digest of their text. If one of these files has changed since, the description
-is not used but computed again.
+They are the principal components of the stress that a device makes on a skin during simulated movements. It takes
+seconds to compute them. Descriptions of shipped skins and devices are therefore shipped with the presets. Each file
+names the source files that computed the description, and has a digest of their text. If one of these source files has
+changed since, the description is not used but computed again.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ from ..surrogate.store import contact_of, device_key
 from ..surrogate.subspace import TOLERANCE
 from ..version import version
 
-DESCRIPTOR_MOVEMENTS = 240  # number of movements; more change the size of the subspace by one component at most
+# Number of simulated movements. With more movements, the number of components changes by one at most.
+DESCRIPTOR_MOVEMENTS = 240
 SCHEMA = "dermis-description 1"
 SHIPPED = BUILT_IN / "skins"
 CORE = Path(__file__).resolve().parents[1]
@@ -47,9 +48,10 @@ _movements: Recent[tuple[str, str, str, str, float, int], Dataset] = Recent(1)
 
 
 def movements_of(device: DiscDevice, skin: SkinModel, friction: float) -> Dataset:
-    """Return simulated movements of a device on a skin between random configurations.
+    """Return simulated movements of a device on a skin.
 
-    The last result is kept, because the search for a floor uses it again.
+    The movements are between random configurations. The last result is kept in memory, because the search for a noise
+    floor uses it again.
     """
     key = (skin.key, pressed_on(skin), repr(skin.material), device_key(device), friction, DESCRIPTOR_MOVEMENTS)
     return _movements.make(
@@ -58,18 +60,20 @@ def movements_of(device: DiscDevice, skin: SkinModel, friction: float) -> Datase
 
 
 def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: float = TOLERANCE) -> Descriptors:
-    """Return the descriptors of a device on a skin; they are kept in memory for other fingers of the same kind.
+    """Return the descriptors of a device on a skin.
+
+    They are kept in memory for other fingers with the same shape of skin.
 
     Args:
         device: the mechanism.
-        skin: model of the skin; its stiffness does not count.
+        skin: model of the skin; its stiffness has no effect.
         friction: friction coefficient between disc and skin.
-        tolerance: as for `descriptors`.
+        tolerance: largest relative RMS error of stress, see `descriptors`.
     """
 
     def made() -> Descriptors:
-        # Movements end at a force, so they depend on stiffness, which is not in the key. With a nominal stiffness, the
-        # result does not depend on which finger is computed first.
+        # Movements end at a force, so they depend on the stiffness, which is not in the key. With a nominal stiffness,
+        # the result is the same whichever finger is computed first.
         nominal = skin.with_material(young=TISSUE["young"].default, alpha=1.0)
         data = movements_of(device, nominal, friction)
         return descriptors(data, skin.stress_components(), tolerance=tolerance)
@@ -78,7 +82,10 @@ def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: fl
 
 
 def observation_of(device: DiscDevice, skin: SkinModel, friction: float) -> Array:
-    """Return the observation matrix of a device on a skin, shape (k, 3 m): shipped, from the cache, or computed."""
+    """Return the observation matrix of a device on a skin, shape (k, 3 m).
+
+    The matrix is shipped, read from the cache, or computed.
+    """
     shipped = shipped_of(device, skin, friction)
     if shipped is not None:
         return shipped
@@ -90,7 +97,10 @@ def observation_of(device: DiscDevice, skin: SkinModel, friction: float) -> Arra
 
 
 def description_key(device: DiscDevice, skin: SkinModel, friction: float) -> str:
-    """Return the key of a description, made from all its inputs except the engine's source files."""
+    """Return the key of a description.
+
+    It is made from all inputs of the description except the engine's source files.
+    """
     points = pressed_on(skin)
     smooth = ""
     if points == "points" and skin.shape is not None:
@@ -113,7 +123,7 @@ def write_shipped(
     Args:
         path: file to write.
         device, skin, friction: inputs of the description.
-        matrix: its observation matrix, shape (k, 3 m).
+        matrix: observation matrix of the description, shape (k, 3 m).
         sources: paths of the source files that computed the matrix, relative to the engine's folder, with slashes.
     """
     names = sorted(sources)
@@ -127,7 +137,10 @@ def write_shipped(
 
 
 def shipped_of(device: DiscDevice, skin: SkinModel, friction: float) -> Array | None:
-    """Return the observation matrix of a shipped description, shape (k, 3 m); None if there is no valid one."""
+    """Return the observation matrix of a shipped description, shape (k, 3 m).
+
+    The result is None if no valid description is shipped.
+    """
     path = SHIPPED / shipped_name(device, skin, friction)
     return read_shipped(path, description_key(device, skin, friction), 3 * skin.pad_count) if path.is_file() else None
 
@@ -137,8 +150,8 @@ def read_shipped(path: Path, key: str, size: int) -> Array | None:
 
     Args:
         path: file to read.
-        key: key that it must have, see `description_key`.
-        size: number of columns that it must have.
+        key: key that the file must have, see `description_key`.
+        size: number of columns that the matrix must have.
 
     Returns:
         The matrix, shape (k, size); None if the file is damaged, has another key, or was computed by source files that
@@ -158,7 +171,10 @@ def read_shipped(path: Path, key: str, size: int) -> Array | None:
 
 @cache
 def digest_of(names: tuple[str, ...]) -> str:
-    """Return a digest of the text of source files; '' if one is missing. Line ends do not count."""
+    """Return a digest of the text of source files; '' if a file is missing.
+
+    Line ends do not count.
+    """
     sha = hashlib.sha256()
     for name in names:
         place = PurePosixPath(name)

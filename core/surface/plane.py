@@ -44,7 +44,12 @@ class Plane:
         return None
 
     def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
-        """Return signed gap, closest point and normal of each point [m], shape (n, 3), see `Surface.query`."""
+        """Return signed gaps, closest points and normals, see `Surface.query`.
+
+        Args:
+            points: points to query [m], shape (n, 3).
+            search_radius: largest gap [m]. Points with a larger gap have an infinite gap in the result.
+        """
         gap = (points - self.point) @ self.normal
         n = gap.shape[0]
         normal = np.broadcast_to(self.normal, (n, 3))

@@ -50,7 +50,7 @@ class DirectModel:
         device: the mechanism.
         contact: contact of the disc with the skin.
         observation: the observed quantities. For linear skin, a matrix that maps forces on the pad nodes to stimulus
-            components, shape (k, 3 m), is enough. The stimulus of a touch must be observed in the same way.
+            components, shape (k, 3 m), is enough. A search uses the same observation for a touch and for the disc.
 
     Raises:
         DermisError: the observation does not fit the skin, or is a matrix although the skin follows a law.

@@ -50,8 +50,8 @@ _movements: Recent[tuple[str, str, str, str, float, int], Dataset] = Recent(1)
 def movements_of(device: DiscDevice, skin: SkinModel, friction: float) -> Dataset:
     """Return simulated movements of a device on a skin.
 
-    The movements are between random configurations. The last result is kept in memory, because the search for a noise
-    floor uses it again.
+    The movements are between random configurations. The last result is kept in memory, because the search for the least
+    error (`matching.floor`) uses it again.
     """
     key = (skin.key, pressed_on(skin), repr(skin.material), device_key(device), friction, DESCRIPTOR_MOVEMENTS)
     return _movements.make(

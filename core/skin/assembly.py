@@ -1,4 +1,4 @@
-"""Stiffness matrix of linear tetrahedra, plain or with averaged nodal pressure."""
+"""Stiffness of linear tetrahedra, plain or with averaged nodal pressure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .mesh import TetraMesh
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-Element = Literal["anp", "p1"]
+Element = Literal["anp", "p1"]  # averaged nodal pressure, and plain linear tetrahedra
 ELEMENTS: tuple[Element, ...] = ("anp", "p1")
 
 
@@ -44,7 +44,7 @@ def geometry(mesh: TetraMesh) -> Geometry:
     corners = mesh.nodes[mesh.tetrahedra]
     edges = corners[:, 1:] - corners[:, :1]
     volumes = mesh.volumes
-    # The rows of the inverse Jacobian are cross products of edges, which is exact for axis-parallel elements.
+    # The rows of the inverse Jacobian are cross products of edges. For axis-parallel elements this is exact.
     inverse = np.stack([np.cross(edges[:, (i + 1) % 3], edges[:, (i + 2) % 3]) for i in range(3)], axis=1)
     inverse /= 6.0 * volumes[:, None, None]
     gradients = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
@@ -62,15 +62,16 @@ def geometry(mesh: TetraMesh) -> Geometry:
 
 
 def stiffness(mesh: TetraMesh, material: Elastic, element: Element = "anp", shape: Geometry | None = None) -> csr_array:
-    """Return the stiffness matrix of all nodes [N/m], sparse, shape (3 n, 3 n).
+    """Return the stiffness matrix of all nodes [N/m], shape (3 n, 3 n).
 
-    Degrees of freedom are x, y and z of each node. The element 'anp' computes the pressure at each node from the volume
-    average of div u around it: W = sum_e V mu e:e + sum_a V_a lambda/2 J_a^2. It does not lock for nearly
-    incompressible tissue. The element 'p1' is the plain tetrahedron, for comparison.
+    The matrix is sparse. Degrees of freedom are x, y and z of each node. The element 'anp' computes the pressure at
+    each node a from J_a, the volume average of div u around it. With the strain e and Lame's parameters, the energy is
+    W = sum_e V mu e:e + sum_a V_a lambda/2 J_a^2. This element does not lock for nearly incompressible tissue. The
+    element 'p1' is the plain tetrahedron, for comparison.
 
     Args:
         mesh: mesh of the tissue.
-        material: its material.
+        material: material of the tissue.
         element: 'anp' or 'p1'.
         shape: geometry of the mesh; None computes it.
 
@@ -103,5 +104,11 @@ def stiffness(mesh: TetraMesh, material: Elastic, element: Element = "anp", shap
 
 
 def degrees(nodes: NDArray[np.integer]) -> NDArray[np.int64]:
-    """Return the indices of the degrees of freedom x, y and z of nodes, shape (3 len(nodes),)."""
+    """Return the indices of the degrees of freedom of nodes, shape (3 k,).
+
+    They are x, y and z of each node.
+
+    Args:
+        nodes: indices of the nodes, shape (k,).
+    """
     return (3 * np.asarray(nodes, np.int64)[:, None] + np.arange(3)).ravel()

@@ -29,8 +29,8 @@ def one_thread() -> Iterator[None]:
     """Restrict the BLAS of NumPy and SciPy to one thread while a block runs.
 
     Blocks may be nested and may run in several threads. The first block sets the limit, which takes a fifth of a
-    millisecond, and the last one restores the number of threads. Only the thread that set the limit can restore it. If
-    the last block runs in another thread, the next block of the former restores it.
+    millisecond. The last block restores the number of threads if it ends in the thread that set the limit, or if this
+    thread has ended. Otherwise the limit stays until another block meets this condition.
     """
     global _held, _limit, _holder
     with _lock:
@@ -59,7 +59,10 @@ def _restore() -> None:
 
 @cache
 def pools() -> ThreadpoolController:
-    """Return the controller of all BLAS thread pools, which takes milliseconds to find and is kept."""
+    """Return the controller of all BLAS thread pools.
+
+    It takes milliseconds to find the pools, so the controller is kept.
+    """
     import scipy.linalg  # noqa: F401  (loads its library, so that it is found)
     from threadpoolctl import ThreadpoolController
 

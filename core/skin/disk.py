@@ -1,4 +1,7 @@
-"""DiskQuads: disk of quadrilaterals in the chart of a fingertip, finest at the pad."""
+"""DiskQuads: disk of quadrilaterals in the chart of a fingertip.
+
+The quadrilaterals are finest at the pad.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +15,13 @@ from ..errors import DermisError
 
 Complex = NDArray[np.complex128]
 
-# Fine block in the chart, whose radius is 1: half its width, and its extent back from the pad's centre and forward over
-# the tip.
+# Fine block in the chart, which is a disk of radius 1. PAD_HALF is half the width of the block. PAD_BACK is its length
+# from the pad's centre backwards, and PAD_FRONT that from the centre forwards over the tip.
 PAD_HALF, PAD_BACK, PAD_FRONT = 0.17, 0.19, 0.26
 PAD_BULGE = 0.10  # outward bow of the block's sides, so that its corners are nearer to the ideal 120 degrees
 
-# Five tetrahedra of a hexahedron whose vertices 0, 2, 5, 7 (first) or 1, 3, 4, 6 (second) have colour 0.
+# Vertices of the five tetrahedra of a hexahedron. In the first row, the vertices 0, 2, 5 and 7 of the hexahedron have
+# colour 0. In the second row, the vertices 1, 3, 4 and 6 have colour 0.
 _SPLIT = (
     ((0, 2, 7, 5), (1, 2, 0, 5), (3, 0, 2, 7), (4, 7, 5, 0), (6, 5, 7, 2)),
     ((3, 1, 6, 4), (3, 0, 1, 4), (3, 1, 2, 6), (4, 6, 5, 1), (6, 4, 7, 3)),
@@ -29,12 +33,12 @@ class DiskQuads:
     """Disk of quadrilaterals: a block in the middle, and rings around it.
 
     Attributes:
-        chart: vertices in the unit disk, shape (v,).
+        chart: vertices in the unit disk, as complex numbers, shape (v,).
         quads: vertices of each quadrilateral, counter-clockwise in the chart, shape (q, 4).
         colour: 0 or 1 for each vertex, shape (v,). The ends of each edge differ in colour, so that diagonals between
             vertices of colour 0 match in adjacent cells.
-        rim: vertices on the rim, counter-clockwise.
-        mirror: index of the vertex at the complex conjugate of each vertex, shape (v,).
+        rim: indices of the vertices on the rim, counter-clockwise, shape (r,).
+        mirror: index of the mirror image of each vertex, its complex conjugate, shape (v,).
     """
 
     chart: Complex
@@ -45,12 +49,14 @@ class DiskQuads:
 
 
 def disk_quads(across: int, along: int, rings: int) -> DiskQuads:
-    """Return a graded disk of quadrilaterals that is symmetric under complex conjugation.
+    """Return a graded disk of quadrilaterals.
+
+    The disk is symmetric under complex conjugation.
 
     Args:
-        across, along: numbers of cells of the block across and along the finger. They are even, so that vertices lie in
-            the mirror plane.
-        rings: number of rings.
+        across, along: numbers of cells of the block across and along the finger. Both must be even, so that vertices
+            lie in the mirror plane.
+        rings: number of rings around the block.
 
     Raises:
         DermisError: a number of cells is odd or below 2, or there are no rings.
@@ -100,15 +106,20 @@ def disk_quads(across: int, along: int, rings: int) -> DiskQuads:
     i, j = np.divmod(np.arange(inner), n + 1)
     ring, place = np.divmod(np.arange(rings * length), length)
     colour = np.concatenate([i + j, place + ring + 1]) % 2
-    # A loop starts at the front left corner, goes back, across, forward and across: conjugation reverses it about
-    # the middle of the back side.
+    # A loop starts at the front left corner and goes back, across, forward and across. Conjugation reverses the loop
+    # about the middle of the back side.
     reflected = (2 * m + n - place) % length
     mirror = np.concatenate([i * (n + 1) + n - j, inner + ring * length + reflected])
     return DiskQuads(chart, quads, colour.astype(np.int32), loops[-1], mirror.astype(np.int32))
 
 
 def _growth(first: float, count: int) -> float:
-    """Return the ratio of a geometric series of `count` terms, the first `first`, that sums to 1."""
+    """Return the ratio of a geometric series with the sum 1.
+
+    Args:
+        first: first term.
+        count: number of terms.
+    """
     low, high = 0.5, 10.0
     for _ in range(100):
         middle = 0.5 * (low + high)
@@ -120,13 +131,25 @@ def _growth(first: float, count: int) -> float:
 
 
 def mirrored(points: Array, mirror: Indices32) -> Array:
-    """Return points that are made exactly symmetric in x, without differences by rounding, shape (v, 3)."""
+    """Return points that are exactly symmetric in x, shape (v, 3).
+
+    Args:
+        points: points that are symmetric except for rounding, shape (v, 3).
+        mirror: index of the mirror image of each point, shape (v,).
+    """
     other = points[mirror] * np.array([-1.0, 1.0, 1.0])
     return 0.5 * (points + other)
 
 
 def split_quads(quads: Indices32, colour: NDArray[np.integer]) -> Indices32:
-    """Split quadrilaterals into triangles along the diagonal between vertices of colour 0, shape (2 q, 3)."""
+    """Split quadrilaterals into triangles, shape (2 q, 3).
+
+    They are split along the diagonal between vertices of colour 0.
+
+    Args:
+        quads: vertices of each quadrilateral, shape (q, 4).
+        colour: 0 or 1 for each vertex, shape (v,).
+    """
     even = colour[quads[:, 0]] == 0
     a, b, c, d = quads.T
     first = np.where(even[:, None], np.stack([a, b, c], 1), np.stack([a, b, d], 1))
@@ -140,8 +163,8 @@ def split_hexahedra(hexahedra: Indices32, colour: NDArray[np.integer]) -> Indice
     The result is conforming if the ends of each edge differ in `colour`.
 
     Args:
-        hexahedra: vertices of each, shape (h, 8).
-        colour: 0 or 1 for each vertex.
+        hexahedra: vertices of each hexahedron, shape (h, 8).
+        colour: 0 or 1 for each vertex, shape (v,).
     """
     even = colour[hexahedra[:, 0]] == 0
     out = np.empty((len(hexahedra), 5, 4), np.int32)

@@ -1,4 +1,7 @@
-"""Stress of displaced neo-Hookean tissue for E = 1, with a separate pressure."""
+"""Stress of displaced neo-Hookean tissue with E = 1.
+
+The pressure is given separately.
+"""
 
 from __future__ import annotations
 
@@ -11,20 +14,21 @@ from .material import lame
 from .stress import StressOperator
 
 _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-_FLATTEST = 0.05  # least relative volume of an element; smaller ones by a too large displacement are limited
+_FLATTEST = 0.05  # least relative volume J of an element; a smaller J, from too large a displacement, is raised to it
 
 
 def displaced_stress(operator: StressOperator, displacement: Array, pressure: Array) -> Array:
-    """Return the Cauchy stress mu (b - 1) / J + p of the elements, shape (e, 6).
+    """Return the Cauchy stress of the elements, divided by E, shape (e, 6).
 
-    The pressure of nearly incompressible tissue is given separately. Computed from the volume and a large modulus, it
-    would magnify errors of the displacement. The result is in single precision with a relative error of 1e-7, because
-    no large numbers cancel in b - 1 = H + H' + H H'.
+    The stress is mu (b - 1) / J + p, with the columns xx, yy, zz, yz, xz, xy. The pressure p of nearly incompressible
+    tissue is given separately, because a pressure computed from the volume and a large modulus would magnify errors of
+    the displacement. The result is in single precision with a relative error of 1e-7, because no large numbers cancel
+    in b - 1 = H + H' + H H', with the displacement gradient H.
 
     Args:
         operator: operator of the mesh.
         displacement: displacement of the nodes [m], shape (n, 3).
-        pressure: pressure at the nodes, divided by E, shape (n,).
+        pressure: pressure at the nodes, divided by E, positive in tension, shape (n,).
     """
     shear = np.float32(lame(1.0, operator.material.poisson)[1])
     corners, slopes = _tables(operator)
@@ -49,7 +53,11 @@ def displaced_stress(operator: StressOperator, displacement: Array, pressure: Ar
 
 
 def _volume(h: Floats32) -> Floats32:
-    """Return the determinants J of 1 + H, shape (e,), for displacement gradients H, shape (3, 3, e)."""
+    """Return the relative volumes J = det(1 + H), shape (e,).
+
+    Args:
+        h: displacement gradients H, shape (3, 3, e).
+    """
     (a, b, c), (d, g, k), (m, n, p) = h
     a, g, p = a + 1.0, g + 1.0, p + 1.0
     return np.asarray(a * (g * p - k * n) - b * (d * p - k * m) + c * (d * n - g * m))
@@ -57,12 +65,23 @@ def _volume(h: Floats32) -> Floats32:
 
 @lru_cache(maxsize=4)
 def _tables(operator: StressOperator) -> tuple[Indices, Floats32]:
-    """Return the corners of the elements, shape (4, e), and the gradients of all but the first, shape (3, 3, e)."""
+    """Return the corners of the elements, and gradients of shape functions.
+
+    Returns:
+        Corners, shape (4, e), and the gradients for all corners but the first [1/m], shape (3, 3, e).
+    """
     corners = np.ascontiguousarray(operator.mesh.tetrahedra.T, np.intp)
     return corners, np.ascontiguousarray(operator.geometry.gradients[:, 1:].transpose(1, 2, 0), np.float32)
 
 
 def linear_pressure(operator: StressOperator, displacement: Array) -> Array:
-    """Return the pressure of linear tissue at the nodes, divided by E, shape (n,)."""
+    """Return the pressure of linear tissue, divided by E, shape (n,).
+
+    The pressure is that at the nodes, positive in tension.
+
+    Args:
+        operator: operator of the mesh.
+        displacement: displacement of the nodes [m], shape (n, 3).
+    """
     first = lame(1.0, operator.material.poisson)[0]
     return np.asarray(first * (operator.geometry.divergence @ displacement.reshape(-1)))

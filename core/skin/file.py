@@ -1,4 +1,7 @@
-"""Reader of tetrahedral meshes from files; presets/skins describes the format."""
+"""Reader of tetrahedral meshes from files.
+
+`presets/skins` describes the format.
+"""
 
 from __future__ import annotations
 
@@ -23,11 +26,12 @@ _OPTIONAL = ("pad", "surface")
 
 
 def load_mesh(path: Path) -> TetraMesh:
-    """Read a tetrahedral mesh with its fixed nodes and pad nodes from an .npz or .json file.
+    """Read a tetrahedral mesh with its node sets from an .npz or .json file.
 
     Raises:
-        DermisError: the file cannot be read, a field is missing or has another shape, or the mesh is invalid: inverted
-            or flat elements, hanging nodes, overlapping elements, or parts that are not held (see `check_mesh`).
+        DermisError: the file cannot be read; a field is missing or has another shape; or the mesh is invalid (see
+            `check_mesh`): it has inverted or flat elements, hanging nodes, overlapping elements, or parts that are not
+            held.
     """
     path = Path(path)
     where = f"skin mesh '{path.name}'"
@@ -102,6 +106,9 @@ def _indices(value: Any, columns: int, where: str, name: str, count: int) -> NDA
 
 
 def _skin_faces(tetrahedra: NDArray[np.int32], fixed: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the boundary faces without those whose three corners are fixed, shape (t, 3)."""
+    """Return the faces of the skin, shape (t, 3).
+
+    They are the boundary faces, except those whose three corners are fixed.
+    """
     faces = boundary_faces(tetrahedra)
     return faces[~np.isin(faces, fixed).all(axis=1)]

@@ -23,8 +23,8 @@ def finger_skin(
 
     Args:
         parameters: parameters of the finger: 'skin', 'skin_level', 'tissue'.
-        preset: parameters of the skin in SI units, if the finger has none of its own.
-        level: resolution of the mesh; '' for that of the finger.
+        preset: parameters of the skin in SI units, for a finger that has none of its own.
+        level: resolution of the mesh; '' for the level in `parameters`.
         cache: cache of skins and tables.
         where: name of the finger, for errors.
 
@@ -38,12 +38,17 @@ def finger_skin(
 
 
 def of_tissue(skin: SkinModel, tissue: str) -> SkinModel:
-    """Return the same skin with a tissue, 'linear' or 'neo_hookean'."""
+    """Return the same skin with the tissue 'linear' or 'neo_hookean'."""
     return skin.linear if tissue == LINEAR else skin.with_law()
 
 
 def asked_for(skin: SkinModel, tissue: str, where: str) -> SkinModel:
-    """Return the same skin with a tissue, after a check of its name.
+    """Return the same skin with another tissue, after a check of the name.
+
+    Args:
+        skin: the skin.
+        tissue: name of the tissue, see `of_tissue`.
+        where: name of the skin, for errors.
 
     Raises:
         DermisError: the tissue is unknown.

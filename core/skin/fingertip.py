@@ -1,4 +1,7 @@
-"""Graded mesh of a fingertip: hexahedra from bone to skin, each split into five tetrahedra."""
+"""Graded mesh of a fingertip.
+
+Hexahedra from bone to skin are split into five tetrahedra each.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +15,8 @@ from .mesh import TetraMesh, pad_nodes, tetra_volumes
 from .quality import check_mesh
 from .shape import FingertipShape
 
-# Ratio of the thickness of the layer at the bone to that at the skin, under the pad. It is smaller where tissue is
-# thin.
+# Approximate thickness of the layer at the bone, divided by that of the layer at the skin, under the pad. The ratio is
+# nearer to 1 where tissue is thin.
 DEPTH_GROWTH = 2.0
 
 
@@ -47,10 +50,10 @@ LEVELS: dict[str, Level] = {
 
 
 def fingertip_mesh(shape: FingertipShape | None = None, level: str | Level = "standard") -> TetraMesh:
-    """Return the mesh of a fingertip, finest at the pad and exactly symmetric in x.
+    """Return the mesh of a fingertip.
 
-    The nodes on the bone's surface and under the nail are fixed. The pad nodes are those of the palmar skin without the
-    rim of the cut end.
+    The mesh is finest at the pad and exactly symmetric in x. The nodes on the bone's surface and under the nail are
+    fixed. The pad nodes are the free nodes of the palmar skin, without the rim of the cut end.
 
     Args:
         shape: the fingertip; None for the default lengths.
@@ -58,7 +61,8 @@ def fingertip_mesh(shape: FingertipShape | None = None, level: str | Level = "st
             `Level`.
 
     Raises:
-        DermisError: the level is unknown, or the tissue would fold because lengths do not fit each other.
+        DermisError: the level is unknown or has an invalid number, or the tissue would fold because lengths do not fit
+            each other.
     """
     shape = shape or FingertipShape()
     if isinstance(level, str):
@@ -94,7 +98,10 @@ def fingertip_mesh(shape: FingertipShape | None = None, level: str | Level = "st
 
 
 def _check_volumes(mesh: TetraMesh, shape: FingertipShape) -> None:
-    """Raise an error that names the fingertip's lengths if the layers between bone and skin fold."""
+    """Raise an error if the layers between bone and skin fold.
+
+    The error names the lengths of the fingertip.
+    """
     folded = int((tetra_volumes(mesh.nodes, mesh.tetrahedra) <= 0).sum())
     if folded:
         names = ("width", "thickness", "length", "tip", "bone_width", "bone_thickness", "bone_bed", "bone_margin")

@@ -47,7 +47,9 @@ def check_held(mesh: TetraMesh, where: str) -> None:
     for p in range(count):
         own = levers[fixed & (on == p)]
         hold[p, :, p] += np.einsum("nki,nkj->ij", own, own)
-    main = np.repeat(first, times)  # first part that contains the node, with which its other parts must move
+    # For each pair of node and part, the pair of this node with its first part. At a shared node, the other parts must
+    # move with the first one.
+    main = np.repeat(first, times)
     for i in np.flatnonzero(shared & (np.arange(len(node)) != main)).tolist():
         joint = ((on[i], levers[i]), (on[main[i]], -levers[main[i]]))
         for p, a in joint:
@@ -61,7 +63,10 @@ def check_held(mesh: TetraMesh, where: str) -> None:
 
 
 def parts_by_face(mesh: TetraMesh) -> NDArray[np.int64]:
-    """Return the index of the part of each element, shape (e,); a part is connected by shared faces."""
+    """Return the index of the part of each element, shape (e,).
+
+    The elements of a part are connected by shared faces.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -75,13 +80,14 @@ def parts_by_face(mesh: TetraMesh) -> NDArray[np.int64]:
 
 
 def _levers(nodes: Array, node: NDArray[np.integer], on: NDArray[np.integer], count: int) -> Array:
-    """Return the movement of nodes for shift and turn of their part, shape (n, 3, 6).
+    """Return the movement of nodes with their parts, shape (n, 3, 6).
 
-    A part turns about its centre, and turns are multiplied by its size.
+    The last axis is for the shift and the turn of the part. A part turns about its centre. Its turn is measured as a
+    length: the angle times the size of the part.
 
     Args:
         nodes: positions [m], shape (all, 3).
-        node, on: index of each node and of its part, shape (n,) each.
+        node, on: indices of the node and of the part in each pair of them, shape (n,) each.
         count: number of parts.
     """
     sizes = np.bincount(on, minlength=count)

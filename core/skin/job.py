@@ -1,4 +1,4 @@
-"""Jobs of a child process: compute a skin or its smooth pad, and store it in the cache."""
+"""Jobs of a child process that compute a skin or its smooth pad."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from .model import shape_and_material, skin_from_parameters
 from .remainder import STEPS
 from .surface_store import QUICK, make_remainder
 
-STAGES = 2
+STAGES = 2  # number of stages that `make` reports
 
 
 def make(
@@ -29,7 +29,7 @@ def make(
     Args:
         arrays: not used.
         parameters: 'skin' (as in a skin preset, in SI units), 'level', 'folder' and 'limit' [bytes] of the cache.
-        report: called with the number of finished stages and the number of all stages.
+        report: function that is called with the number of finished stages and the number of all stages.
 
     Returns:
         'tetrahedra' and 'pad': numbers of tetrahedra and of pad nodes.
@@ -41,7 +41,7 @@ def make(
     cache = Cache(Path(str(parameters["folder"])), int(parameters["limit"]))
     model = skin_from_parameters(parameters["skin"], level=str(parameters["level"]), cache=cache)
     report(1, STAGES)
-    assert model.unit_response.size  # computes and stores it
+    assert model.unit_response.size  # the access computes and stores the table
     report(STAGES, STAGES)
     return {"tetrahedra": np.array(len(model.mesh.tetrahedra)), "pad": np.array(model.pad_count)}
 
@@ -49,9 +49,9 @@ def make(
 def make_files(
     arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
 ) -> dict[str, NDArray[Any]]:
-    """Compute a skin as `make` does, and return the bytes of each cache file by its key.
+    """Compute a skin as `make` does, and return its cache files.
 
-    This is for machines without a common folder.
+    This is for machines without a common folder. The result has the bytes of each file by the file's name.
 
     Args:
         arrays: not used.
@@ -70,7 +70,7 @@ def make_files(
 def make_surface(
     arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Callable[[int, int], None]
 ) -> dict[str, NDArray[Any]]:
-    """Compute the remainder of a fingertip's smooth pad, and store it in a cache.
+    """Compute the remainder of a smooth pad, and store it in a cache.
 
     Args:
         arrays: not used.

@@ -9,7 +9,9 @@ from ..parameters.skin import TISSUE
 
 @dataclass(frozen=True)
 class Elastic:
-    """Linear isotropic material; `parameters/skin.py` has the ranges and the sources of its values.
+    """Linear isotropic material.
+
+    `parameters/skin.py` has the ranges and the sources of its values.
 
     Attributes:
         young: Young's modulus E [Pa].
@@ -40,11 +42,17 @@ class Elastic:
 
     @property
     def unit(self) -> Elastic:
-        """The same material with a modulus of 1 Pa; results of costly computations for it are only scaled."""
+        """The same material with a modulus of 1 Pa.
+
+        Costly computations are done for this material, and their results are scaled to any modulus.
+        """
         return replace(self, young=1.0, alpha=1.0)
 
 
 def lame(young: float, poisson: float) -> tuple[float, float]:
-    """Return Lame's first parameter and the shear modulus, in the unit of `young`."""
+    """Return Lame's first parameter and the shear modulus.
+
+    Both have the unit of `young`.
+    """
     first = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
     return first, young / (2.0 * (1.0 + poisson))

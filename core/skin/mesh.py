@@ -1,4 +1,4 @@
-"""TetraMesh: tetrahedral mesh of soft tissue, with its fixed nodes and its pad nodes."""
+"""TetraMesh: tetrahedral mesh of soft tissue, with its node sets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # faces of a tetrahedron, counter-clockwise from outside
-PAD_TILT = -0.1  # skin belongs to the pad if the Z component of its outward unit normal is smaller
+PAD_TILT = -0.1  # skin belongs to the pad if the Z component of its outward unit normal is below this value
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,8 +27,8 @@ class TetraMesh:
     Attributes:
         nodes: positions in the finger's frame [m], shape (n, 3).
         tetrahedra: node indices of each element, with positive volume, shape (e, 4), int32.
-        fixed: indices of the nodes that bone and nail hold, rising, shape (f,), int32.
-        pad: indices of the nodes that may touch objects, rising, none of them fixed, shape (m,), int32.
+        fixed: indices of the nodes that are fixed to bone or nail, in rising order, shape (f,), int32.
+        pad: indices of the nodes that may touch objects, in rising order, shape (m,), int32. None of them is fixed.
         surface: triangles of the skin, counter-clockwise from outside, shape (t, 3), int32.
         name: name of the mesh in messages.
     """
@@ -45,7 +45,10 @@ class TetraMesh:
 
     @cached_property
     def free(self) -> Indices32:
-        """Indices of the nodes that are not fixed, rising, shape (n - f,)."""
+        """Indices of the free nodes, in rising order, shape (n - f,).
+
+        They are the nodes that are not fixed.
+        """
         held = np.zeros(len(self.nodes), bool)
         held[self.fixed] = True
         return np.flatnonzero(~held).astype(np.int32)
@@ -64,23 +67,35 @@ class TetraMesh:
 
     @property
     def pad_vectors(self) -> Array:
-        """Area vector of each pad node: a third of those of the triangles around it [m^2], shape (m, 3)."""
+        """Area vector of each pad node [m^2], shape (m, 3).
+
+        It is a third of the sum of the area vectors of the triangles around the node.
+        """
         return np.asarray(self._node_vectors[self.pad])
 
     @cached_property
     def pad_areas(self) -> Array:
-        """Area of skin of each pad node: length of its area vector [m^2], shape (m,)."""
+        """Area of skin of each pad node [m^2], shape (m,).
+
+        It is the length of the area vector of the node.
+        """
         return np.linalg.norm(self.pad_vectors, axis=1)
 
     @cached_property
     def pad_normals(self) -> Array:
-        """Outward unit normal of each pad node: direction of its area vector, shape (m, 3)."""
+        """Outward unit normal of each pad node, shape (m, 3).
+
+        It is the direction of the area vector of the node.
+        """
         vectors = self.pad_vectors
         return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
     @cached_property
     def averaging(self) -> csr_array:
-        """Matrix that maps values of elements to their volume average around each node, sparse, shape (n, e)."""
+        """Matrix of the averages around nodes, sparse, shape (n, e).
+
+        It maps values of elements to their volume average around each node.
+        """
         from scipy.sparse import csr_array as csr
 
         count = len(self.tetrahedra)
@@ -100,7 +115,9 @@ class TetraMesh:
 
 
 def pad_nodes(mesh: TetraMesh, exclude: NDArray[np.integer] | None = None) -> Indices32:
-    """Return the free nodes of the palmar skin, by `PAD_TILT`, rising, shape (m,).
+    """Return the free nodes of the palmar skin, shape (m,).
+
+    They are selected by `PAD_TILT` and are in rising order.
 
     Args:
         mesh: mesh with its skin and its fixed nodes.
@@ -122,7 +139,10 @@ def tetra_volumes(nodes: Array, tetrahedra: Indices32) -> Array:
 
 
 def boundary_faces(tetrahedra: Indices32) -> Indices32:
-    """Return the faces that belong to a single tetrahedron, counter-clockwise from outside, shape (b, 3)."""
+    """Return the boundary faces of a mesh, shape (b, 3).
+
+    A boundary face belongs to a single tetrahedron. Its corners are counter-clockwise from outside.
+    """
     faces = tetrahedra[:, FACES].reshape(-1, 3)
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
     return faces[np.sort(first[count == 1])].astype(np.int32)

@@ -1,9 +1,10 @@
-"""MeshLaw: forces, stress and energy of neo-Hookean tissue with E = 1 on a mesh, by compiled code.
+"""MeshLaw: neo-Hookean law of tissue with E = 1 on a mesh.
 
-The strain energy is W = sum_e V_e mu/2 (I1 - 3 - 2 ln J_e) + sum_a V_a lambda/2 (ln J_a)^2, where J_a is the volume
-average of J around node a. It is evaluated in single precision in a fraction of a millisecond. The kernel uses the
-gradient H of the displacement, F = 1 + H. In J - 1 = tr H + ... no large numbers cancel, so that small deformations are
-as accurate as large ones. `tests/exact/neo_hookean.py` has the same law in double precision, with its tangent.
+Compiled code computes forces, stress and energy. The strain energy is
+W = sum_e V_e mu/2 (I1 - 3 - 2 ln J_e) + sum_a V_a lambda/2 (ln J_a)^2, where J_a is the volume average of J around node
+a. It is evaluated in single precision in a fraction of a millisecond. The kernel uses the gradient H of the
+displacement, F = 1 + H. In J - 1 = tr H + ... no large numbers cancel, so that small deformations are as accurate as
+large ones. `tests/exact/neo_hookean.py` has the same law in double precision, with its tangent.
 """
 
 from __future__ import annotations
@@ -44,19 +45,26 @@ class MeshLaw:
         self._lame = lame(1.0, poisson)
 
     def forces(self, displacement: Floats32) -> Floats32:
-        """Return the forces for E = 1 Pa that hold a displacement of the nodes [m], shape (n, 3) [N]."""
+        """Return the forces for a displacement at E = 1 Pa [N], shape (n, 3).
+
+        Args:
+            displacement: displacement of the nodes [m], shape (n, 3).
+        """
         out = np.empty(self.mesh.nodes.shape, np.float32)
         self._evaluate(displacement, force=address(out))
         return out
 
     def stress(self, displacement: Floats32) -> Array:
-        """Return the Cauchy stress mu (b - 1) / J + p of the elements for E = 1, xx, yy, zz, yz, xz, xy, (e, 6)."""
+        """Return the Cauchy stress of the elements at E = 1 Pa [Pa], shape (e, 6).
+
+        The stress is mu (b - 1) / J + p, with the columns xx, yy, zz, yz, xz, xy.
+        """
         out = np.empty((len(self.mesh.tetrahedra), 6))
         self._evaluate(displacement, stress=address(out))
         return out
 
     def energy(self, displacement: Floats32) -> float:
-        """Return the strain energy for E = 1 Pa [J]."""
+        """Return the strain energy at E = 1 Pa [J]."""
         return float(self._evaluate(displacement, stored=1).energy)
 
     def flattest(self, displacement: Floats32) -> float:
@@ -86,7 +94,10 @@ class MeshLaw:
 
     @cached_property
     def tables(self) -> tuple[NDArray[Any], ...]:
-        """Corners, gradients, volumes and nodal volumes in the layout of `kernels.h`."""
+        """Corners, gradients, volumes and nodal volumes for the kernel.
+
+        Their layout is that of `kernels.h`.
+        """
         mesh = self.mesh
         around = np.bincount(mesh.tetrahedra.ravel(), np.repeat(mesh.volumes, 4), minlength=len(mesh.nodes))
         slopes = geometry(mesh).gradients[:, 1:].reshape(-1, 9)
@@ -97,7 +108,13 @@ class MeshLaw:
 
 
 def _blocks(values: NDArray[Any]) -> NDArray[Any]:
-    """Arrange values of elements, shape (e, k), in blocks, shape (blocks, k, lanes); copies fill the last block."""
+    """Return values of elements in blocks, shape (blocks, k, lanes).
+
+    Copies of the last element fill the last block.
+
+    Args:
+        values: values of the elements, shape (e, k).
+    """
     count, width = values.shape
     filled = np.minimum(np.arange(-(-count // records.LANES) * records.LANES), count - 1)
     return np.ascontiguousarray(values[filled].reshape(-1, records.LANES, width).transpose(0, 2, 1))

@@ -1,11 +1,14 @@
-"""NodalForces: forces on the smooth skin as forces on mesh nodes, with the same sum and moment.
+"""NodalForces: forces on the smooth skin as forces on mesh nodes.
+
+The forces keep their sum. They keep their moment too, except on nonlinear skin beyond the pad of the mesh.
 
 The smooth pad extends up to 6 mm beyond the pad of a mesh. On linear skin, a force in this region keeps its moment:
 three nodes carry opposed forces of up to twice its size. Nonlinear tissue would stiffen under these opposed forces, and
-its correction would be magnified again on the way back to the smooth skin. It then exceeded the whole compliance there
-(5 times on a draft mesh), and folded skin was held by the forces that pressed it. On nonlinear skin, a force in this
-region therefore acts at the rim of the mesh's pad, and the skin there stiffens like the rim. Up to 4.5 mm above the
-middle of the pad, no mode of the correction then exceeds 1.5 times the compliance (1.2 times on a standard mesh).
+the correction would be magnified again when displacements are mapped back to the smooth skin. With such forces, the
+correction exceeded the whole compliance in this region (5 times on a draft mesh), and skin stayed folded under the
+forces that pressed it. On nonlinear skin, a force in this region therefore acts at the rim of the mesh's pad, and the
+skin of the region stiffens like the rim. Up to 4.5 mm above the middle of the pad, no mode of the correction then
+exceeds 1.5 times the compliance (1.2 times on a standard mesh).
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from .mesh import TetraMesh
 from .pad_chart import PadChart
 from .row_table import RowTable
 
-NEAREST = 12  # number of nearest triangles, by their centres, among which that of a cell is chosen
+NEAREST = 12  # number of triangles with the nearest centres, among which the triangle of a cell is chosen
 
 Floats = NDArray[np.floating[Any]]
 _ROW = np.dtype([("nodes", np.int64, 3), ("weights", np.float64, (3, 3, 3))])  # one for each cell
@@ -59,24 +62,43 @@ class NodalForces:
 
     @classmethod
     def of(cls, mesh: TetraMesh, chart: PadChart, follows_law: bool = False) -> NodalForces:
-        """Return the map for a mesh and a chart, which is kept and shared by fingers of one shape."""
-        key = id(mesh), id(chart), follows_law  # it holds both, so no other has their ids
+        """Return the map for a mesh and a chart.
+
+        It is kept in memory and shared by fingers of one shape.
+        """
+        # A kept map holds its mesh and its chart, so no other object gets their ids.
+        key = id(mesh), id(chart), follows_law
         return _made.make(key, lambda: cls(mesh, chart, follows_law))
 
     def spread(self, cells: Indices, force: Floats) -> Array:
-        """Return the forces on the pad nodes [N], shape (m, 3), for forces on cells [N], shape (n, 3)."""
+        """Return the forces on the pad nodes [N], shape (m, 3).
+
+        Args:
+            cells: indices of the cells that carry force, shape (n,).
+            force: forces on these cells [N], shape (n, 3).
+        """
         nodes, weights = self._weights(cells)
         on = np.einsum("nkab,nb->nka", weights, np.asarray(force, np.float64)).reshape(-1, 3)
         count = len(self.mesh.pad)
         return np.stack([np.bincount(nodes.reshape(-1), on[:, k], count) for k in range(3)], axis=1)
 
     def gather(self, cells: Indices, displacement: Floats) -> Array:
-        """Return the displacement of cells [m], shape (n, 3), for that of the pad nodes [m], shape (m, 3)."""
+        """Return the displacements of cells [m], shape (n, 3).
+
+        Args:
+            cells: indices of the cells, shape (n,).
+            displacement: displacements of the pad nodes [m], shape (m, 3).
+        """
         nodes, weights = self._weights(cells)
         return np.einsum("nkab,nka->nb", weights, np.asarray(displacement, np.float64)[nodes])
 
     def _weights(self, cells: Indices) -> tuple[Indices, Array]:
-        """Return the nodes of each cell, shape (n, 3), and the matrices from its force to theirs, (n, 3, 3, 3)."""
+        """Return the nodes of cells, and matrices from forces on cells to nodes.
+
+        Returns:
+            Three pad nodes for each cell, shape (n, 3). For each of them, the matrix that maps the force on the cell to
+            the force on the node, shape (n, 3, 3, 3).
+        """
         found = self._table[np.asarray(cells)]
         return found["nodes"], found["weights"]
 
@@ -105,10 +127,14 @@ class NodalForces:
         return found
 
     def _nearest(self, points: Array) -> Indices:
-        """Return the triangles whose centres are nearest to points, the nearest first, shape (n, `NEAREST`).
+        """Return the triangles with the nearest centres, shape (n, `NEAREST`).
 
-        All distances are computed. Each cell is located only once, and to load a search tree would take a tenth of a
-        second.
+        The nearest triangle is the first. If the pad has fewer triangles, all are returned. All distances are computed
+        instead of searching a tree, because each cell is located only once, and the import of a search tree would take
+        a tenth of a second.
+
+        Args:
+            points: positions of the cells [m], shape (n, 3).
         """
         apart = np.zeros((len(points), len(self._triangles)))
         for k in range(3):
@@ -127,7 +153,14 @@ class NodalForces:
 
 
 def _barycentric(corners: Array, points: Array) -> Array:
-    """Return barycentric coordinates of points' projections on the planes of triangles, shape (..., 3)."""
+    """Return barycentric coordinates of projected points, shape (..., 3).
+
+    The points are projected on the planes of triangles.
+
+    Args:
+        corners: corners of the triangles [m], shape (..., 3, 3).
+        points: the points [m], shape (..., 3).
+    """
     a, b = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
     normal = np.cross(a, b)
     to = points - corners[..., 0, :]
@@ -138,7 +171,11 @@ def _barycentric(corners: Array, points: Array) -> Array:
 
 
 def _cross(vectors: Array) -> Array:
-    """Return the matrices of the map from w to v x w, shape (..., 3, 3), of vectors v, shape (..., 3)."""
+    """Return the matrices S with S w = v x w, shape (..., 3, 3).
+
+    Args:
+        vectors: the vectors v, shape (..., 3).
+    """
     out = np.zeros((*vectors.shape, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out[..., k, j] = vectors[..., i]

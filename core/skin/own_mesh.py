@@ -1,4 +1,4 @@
-"""Mesh of a user's own skin, from the file that a finger's parameters name."""
+"""Mesh of a user's own skin, from a file named in a finger's parameters."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ def digest(path: Path) -> str:
 
 
 def own_mesh(parameters: Mapping[str, Any], where: str) -> TetraMesh:
-    """Return the mesh of the file that a finger's parameters name.
+    """Return the mesh from the file that a finger's parameters name.
 
     Args:
-        parameters: 'mesh' (path of the file) and optionally 'mesh_hash' (SHA-256 that the file must have).
+        parameters: parameters of the finger's skin: 'mesh' (path of the file) and optionally 'mesh_hash' (SHA-256 that
+            the file must have).
         where: name of the finger, for errors.
 
     Raises:

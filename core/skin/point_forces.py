@@ -1,4 +1,4 @@
-"""PointForces: forces of a touch on cells of the smooth pad, and the stress below them."""
+"""PointForces: forces on cells of the smooth pad, and the stress below."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from .surface_compliance import SurfaceCompliance
 class PointForces:
     """Forces of a touch on points of the smooth skin.
 
-    The stress of a mesh is that of forces spread over the elements around a node. It is not valid as near to the skin
-    as Meissner and Merkel endings are. Below points, stress is known in closed form up to a smooth remainder.
+    On a mesh, a force is spread over the elements around a node, so the stress is not valid as near to the skin as the
+    Meissner and Merkel endings are. Below points of the smooth skin, the stress is known in closed form up to a smooth
+    remainder.
 
     Attributes:
         surface: the smooth pad.
-        cells: indices of its cells that carry force, shape (n,). No cell is within another, except in a mixture of two
-            touches.
+        cells: indices of the pad's cells that carry force, shape (n,). No cell is within another, except in a mixture
+            of two touches.
         force: forces on these cells in the finger's frame [N], shape (n, 3).
         amounts: correction of nonlinear skin at the pad nodes [m], see `Stimulus.given`, shape (3 m,); None for linear
             skin.
@@ -32,7 +33,9 @@ class PointForces:
     amounts: Array | None = None
 
     def stress_below(self, positions: Array, depths: Array) -> Array:
-        """Return the stress below some points of the skin [Pa], xx, yy, zz, yz, xz, xy, shape (k, 6).
+        """Return the stress below points of the skin [Pa], shape (k, 6).
+
+        The columns are xx, yy, zz, yz, xz, xy.
 
         Args:
             positions: points on or near the skin, such as the nodes of a mesh [m], shape (k, 3).

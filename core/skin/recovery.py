@@ -1,8 +1,8 @@
-"""Recovery of fields at points from values of elements, by a local quadratic least-squares fit.
+"""Recovery of fields at points from values of elements.
 
-An average over the elements around a node smooths details of the size of an element. Next to the skin, where all
-elements lie on one side, the average is the value of a deeper point. A local fit avoids both errors, since it is exact
-for quadratic fields.
+The values are fitted by a local quadratic polynomial. An average over the elements around a node would smooth details
+of the size of an element. Next to the skin, where all elements lie on one side, the average would be the value at a
+deeper point. A local fit avoids both errors, since it is exact for quadratic fields.
 
 Source: after Zienkiewicz and Zhu 1992
 """
@@ -20,19 +20,22 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 # Number of elements for the fit at a point. A quadratic polynomial in space has ten terms. The errors of the five
-# tetrahedra of a cell nearly cancel, so a cell counts as one sample; sixteen cells are enough to smooth the rest.
+# tetrahedra of a cell nearly cancel, so a cell counts as one sample. Sixteen cells are enough to smooth the remaining
+# errors.
 AROUND = 80
-PER_TERM = 2  # least number of elements for each term of a fit; with fewer, the fit is linear or constant
-GAIN = 4.0  # largest factor by which a fit may amplify errors of elements; otherwise its order is reduced
+PER_TERM = 2  # least number of elements for each term of a fit; with fewer elements, the fit is linear or constant
+GAIN = 4.0  # largest factor by which a fit may amplify errors of elements; if it is exceeded, the order is reduced
 _AT_ONCE = 512  # number of points that are fitted together
 
 
 def fitted(mesh: TetraMesh, points: Array) -> csr_array:
-    """Return the matrix that maps values of elements to values at points in the tissue, sparse, shape (k, e).
+    """Return the matrix from values of elements to values at points.
+
+    It is sparse, shape (k, e).
 
     Args:
         mesh: mesh of the tissue.
-        points: positions of the points [m], shape (k, 3).
+        points: positions of points in the tissue [m], shape (k, 3).
     """
     from scipy.sparse import csr_array as csr
     from scipy.spatial import cKDTree
@@ -55,7 +58,7 @@ def _weights(x: Array, apart: Array, volumes: Array) -> Array:
 
     Args:
         x: positions of the elements relative to the point [m], shape (k, n, 3).
-        apart: their distances from the point [m], shape (k, n).
+        apart: distances of the elements from the point [m], shape (k, n).
         volumes: volumes of the elements [m^3], shape (k, n).
     """
     reach = np.maximum(apart.max(axis=1, keepdims=True), 1e-300)

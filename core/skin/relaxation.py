@@ -1,7 +1,7 @@
-"""Relaxation: fixed-point iteration with Anderson acceleration, for equilibrium by a nonlinear law.
+"""Relaxation: fixed-point iteration with Anderson acceleration.
 
-The basic step solves with the stiffness at rest. Anderson acceleration corrects it by the differences between earlier
-steps, which contain the stiffening of the tissue.
+It finds the equilibrium of tissue with a nonlinear law. The basic step solves with the stiffness at rest. Anderson
+acceleration corrects this step by the differences between earlier steps, which contain the stiffening of the tissue.
 """
 
 from __future__ import annotations
@@ -10,14 +10,16 @@ import numpy as np
 
 from ..arrays import Floats32
 
-# Initial share of the basic step that is taken. Tissue that is pressed 2 mm deep is up to four times as stiff in
-# places. With half of the step the iteration does not diverge, and Anderson acceleration makes up for soft directions.
+# Initial share of the basic step that is taken. Some of the tissue is up to four times as stiff as at rest if it is
+# pressed 2 mm deep. With half of the step the iteration does not diverge, and Anderson acceleration makes up for soft
+# directions.
 SHARE = 0.5
-# Largest number of differences for Anderson acceleration, and how many of them may come from another equilibrium.
+# LEARNED: largest number of differences for Anderson acceleration. HANDED: how many of them an earlier equilibrium may
+# supply.
 LEARNED, HANDED = 16, 8
 FIRM = 3e-2  # regularisation: parts of a difference below this share of its size count as noise
-# If the residual exceeds the best one by the first factor, the iteration goes back to the best iterate and halves the
-# share of the step. It stops if the share is below the second value.
+# WORSE: if the residual is more than this factor times the best one, the iteration goes back to the best iterate and
+# halves the share of the step. LEAST: the iteration stops if the share is below this value.
 WORSE, LEAST = 3.0, 0.02
 
 
@@ -26,15 +28,18 @@ Taught = tuple[Floats32, Floats32, Floats32]
 
 
 class Relaxation:
-    """Iteration for one equilibrium, with Anderson acceleration in the norm of the energy.
+    """Iteration for one equilibrium.
+
+    Anderson acceleration uses the norm of the energy.
 
     Args:
         learned: differences between steps of a similar equilibrium.
 
     Attributes:
         lost: whether no step lowers the residual any further.
-        best: iterate of least residual, and this residual, which is inf if it is not a number; None before the first.
-        learned: differences between steps, the latest last.
+        best: iterate of least residual, and this residual, which is inf if it was not finite; None before the first
+            step.
+        learned: differences between steps; the latest is the last.
 
     Source: Anderson 1965
     """
@@ -52,8 +57,8 @@ class Relaxation:
 
         Args:
             x: present iterate, shape (n,).
-            way: basic step at x, by the stiffness K at rest, shape (n,).
-            pull: forces of the basic step, K way, shape (n,).
+            way: basic step at x, from a solution with the stiffness K at rest, shape (n,).
+            pull: forces of the basic step, K `way`, shape (n,).
             left: residual at x.
         """
         if not np.isfinite(left):
@@ -66,7 +71,7 @@ class Relaxation:
             self.lost = self._share < LEAST
             assert self._way is not None
             return self.best[0] + np.float32(self._share) * self._way
-        if left == np.inf:  # at the first iterate: there is none to go back to
+        if left == np.inf:  # at the first iterate, so there is no better iterate to go back to
             self.lost = True
             return x
         if self._last is not None:

@@ -1,4 +1,7 @@
-"""RestFactor: solver for the stiffness of tissue at rest, in single precision."""
+"""RestFactor: solver for the stiffness of tissue at rest.
+
+It uses single precision.
+"""
 
 from __future__ import annotations
 
@@ -90,13 +93,15 @@ class RestFactor:
 
     @property
     def slots(self) -> int:
-        """Length of a vector in which each level is padded to a multiple of `LANES`."""
+        """Length of a vector whose levels are padded to multiples of `LANES`."""
         return len(self._order)
 
     def record(
         self, force: Floats32, moved: Floats32, room: Floats32, place: Callable[[NDArray[Any]], int] = address
     ) -> records.RestRecord:
-        """Return the record of a solve for the kernels, which points to the arrays.
+        """Return the record of a solve for the kernels.
+
+        The record points to the arrays.
 
         Args:
             force: right-hand side, shape (3 n,).
@@ -118,7 +123,10 @@ class RestFactor:
 
 
 def _strips(inverse: Floats32, size: int) -> list[Floats32]:
-    """Return the lower triangle without the diagonal, padded to `size`, in the strips that `rest.c` reads."""
+    """Return the lower triangle of an inverse in the strips for `rest.c`.
+
+    The diagonal is left out, and the inverse is padded to `size` rows and columns.
+    """
     below = np.zeros((size, size), np.float32)
     below[: len(inverse), : len(inverse)] = np.tril(inverse, -1)
     out = []

@@ -22,8 +22,8 @@ GROWTH = 1.5  # factor by which the memory grows if it is too small
 class RowTable:
     """Table whose rows are computed at their first use and then kept.
 
-    Memory is allocated only for rows that were requested. To reserve memory for all rows would not be free: operating
-    systems assign it in pages of up to 2 MB, and the rows that are used lie far apart.
+    Memory is allocated only for rows that were computed. Memory reserved for all rows would not be free: operating
+    systems assign it in pages of up to 2 MB, and the rows that are used are far apart.
 
     >>> import numpy as np
     >>> squares = RowTable(100, lambda rows: print("made", rows) or rows**2)
@@ -34,7 +34,7 @@ class RowTable:
     Args:
         count: number of rows.
         make: function that computes rows, shape (n, ...), from their indices, shape (n,).
-        together: size of the groups in which rows are computed; a group begins at a multiple of it.
+        together: size of the groups in which rows are computed; a group begins at a multiple of this size.
     """
 
     def __init__(self, count: int, make: Callable[[Indices], NDArray[Any]], *, together: int = 1) -> None:
@@ -54,13 +54,16 @@ class RowTable:
         return np.asarray(self._rows[place])
 
     def places(self, index: Indices) -> tuple[NDArray[Any], Indices]:
-        """Return an array that contains given rows, without copying, and their positions in it, shape (n,)."""
+        """Return an array that contains given rows, and their positions in it.
+
+        The rows are not copied. The positions have the shape (n,).
+        """
         with self._lock:
             rows = self._added(index)
             return rows, self._place[index].astype(np.int64)
 
     def _added(self, index: Indices) -> NDArray[Any]:
-        """Return the array of all computed rows after those that were requested are in it."""
+        """Compute rows that are missing, and return the array of all rows."""
         missing = self._place[index] < 0
         if self._rows is not None and not missing.any():
             return self._rows

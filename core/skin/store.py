@@ -1,4 +1,7 @@
-"""Storage of skin models and tables in the cache; unreadable entries are computed again."""
+"""Storage of skin models and tables in the cache.
+
+Unreadable entries are computed again.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ from ..files import put_array
 from ..npz import opened_npz
 from .mesh import TetraMesh
 
-Shape = tuple[int | None, ...]  # None: any number
+Shape = tuple[int | None, ...]  # None stands for any length
 
 MESH_ARRAYS = ("nodes", "tetrahedra", "fixed", "pad", "surface")
 
@@ -32,7 +35,10 @@ def write_model(path: Path, mesh: TetraMesh, compliance: Array) -> None:
 
 
 def read_model(path: Path) -> dict[str, NDArray[Any]] | None:
-    """Read the mesh and the compliance of a model; None if the file is missing or damaged."""
+    """Read the arrays of a mesh and its compliance.
+
+    Return None if the file is missing or damaged, or if the compliance has a wrong shape.
+    """
     try:
         with opened_npz(path) as archive:
             arrays = archive.arrays((*MESH_ARRAYS, "compliance"))
@@ -45,7 +51,9 @@ def read_model(path: Path) -> dict[str, NDArray[Any]] | None:
 def kept(
     cache: Cache | None, key: str, shapes: Mapping[str, Shape], make: Callable[[], Mapping[str, Array]]
 ) -> Mapping[str, NDArray[Any]]:
-    """Return arrays in double precision by name, from the cache or computed and stored there.
+    """Return arrays by name from the cache, or compute and store them.
+
+    The arrays are in double precision.
 
     Args:
         cache: the cache; None always computes the arrays.
@@ -72,10 +80,16 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
 
 
 def read_arrays(path: Path, shapes: Mapping[str, Shape], kind: type = np.float32) -> dict[str, NDArray[Any]] | None:
-    """Read arrays by name; None if the file is missing or damaged, or a shape or type differs.
+    """Read arrays by name.
 
-    The file is read into memory and not mapped. If a mapped file is truncated or its disk is removed, the operating
-    system ends the process, and Blender with it.
+    Return None if the file is missing or damaged, or if a shape or the type differs. The file is read into memory and
+    not mapped. If a mapped file is truncated or its disk is removed, the operating system ends the process, and Blender
+    with it.
+
+    Args:
+        path: file to read.
+        shapes: shape of each array; None stands for any length.
+        kind: type of the arrays.
     """
     try:
         with opened_npz(path) as archive:
@@ -96,6 +110,6 @@ def write_table(path: Path, table: NDArray[Any]) -> None:
 
 
 def read_table(path: Path, shape: Shape, kind: type = np.float32) -> NDArray[Any] | None:
-    """Read an array from a file of `write_table`; None as for `read_arrays`."""
+    """Read an array that `write_table` wrote; see `read_arrays`."""
     found = read_arrays(path, {"table": shape}, kind)
     return None if found is None else found["table"]

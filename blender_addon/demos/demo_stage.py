@@ -136,7 +136,8 @@ def look(
     Args:
         turn: Euler angles of the view [deg]. colours: colour type of the views.
     """
-    fingers = (o for o in context.scene.objects if o.dermis.role == "FINGER")  # the first by name, such as Index
+    # The first finger by its name becomes active, for example Index before Thumb.
+    fingers = (o for o in context.scene.objects if o.dermis.role == "FINGER")
     context.view_layer.objects.active = min(fingers, key=lambda o: o.name)
     if bpy.app.background or context.window is None:
         return []

@@ -1,5 +1,8 @@
 # mypy: disable-error-code="valid-type"
-"""Opening of height maps for touch screens, with the meaning of their numbers."""
+"""Opening of height maps for touch screens.
+
+The user states the meaning of the numbers of a map.
+"""
 
 from typing import Any
 
@@ -48,7 +51,7 @@ class DERMIS_OT_open_map(File, bpy.types.Operator):
         column.prop(self, "no_data")
 
     def work(self, context: bpy.types.Context) -> str | None:
-        """Set file and answers, and examine the map.
+        """Set the file and the user's answers, and examine the map.
 
         Open questions are then drawn under *Touch: Screen*.
         """

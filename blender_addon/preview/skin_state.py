@@ -1,4 +1,7 @@
-"""One finger's skin at one frame, wherever its forces come from."""
+"""SkinState: one finger's skin at one frame.
+
+The state is the same for forces from a bake, a live preview or a rendering device.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from typing import Any
 
 from .._core import Array, core
 
-DRAGGED = 0.1e-3  # [m] slide from which on a skin counts as dragged
+DRAGGED = 0.1e-3  # [m] a skin with at least this slide counts as dragged
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,20 +19,25 @@ class SkinState:
     """One finger's skin at one frame.
 
     Attributes:
-        finger: the object's name; for a rendered skin, a label of the object's name and the device that renders it.
-        model: the skin; None while it is being made, or if it cannot be made (`note` has the reason).
-        force: on the pad nodes in the finger's frame [N], shape (m, 3).
-        normal_force, tangential_force: totals [N]. depth, lift: [m], see the engine's `SkinContact`.
-        sticking, slipping: number of nodes.
-        source: 'bake', 'live', 'stale', 'earlier' or 'none'. note: a remark on it for the reader.
+        finger: name of the object; for a rendered skin, a label that consists of the object's name and the form of the
+            device that renders the touch.
+        model: model of the skin; None while it is being made, or if it cannot be made (`note` has the reason).
+        force: forces on the pad nodes in the finger's frame [N], shape (m, 3).
+        normal_force, tangential_force: total forces on the pad [N].
+        depth, lift: penetration and displacement of the bone [m], see the engine's `SkinStep`.
+        sticking, slipping: number of sticking and of slipping nodes.
+        source: 'bake', 'live', 'stale', 'earlier' or 'none'.
+        note: remark on the state for the user.
         work: kind of work of the contact solver: 'solved', 'unchanged', 'same', 'idle' or 'baked'; 'rendered' for the
             skin as a device renders it.
-        converged: whether the frame passed the solver's own check.
+        converged: whether the residual of contact is within the solver's tolerance.
         counters: counts of solved and skipped work, by name.
-        points: the same forces on the points of the smooth skin at which they act; None if contact is solved on nodes.
-        amounts: the state of stiffening tissue that a touch keeps, see the engine's `Stimulus.given`; None if linear.
-        slide: how far friction has drawn the loaded skin along itself [m].
-        coarse: the frame was reached in fewer steps than contact needs. waits: a table of the skin is being made.
+        points: the same forces on the points of the smooth skin at which they act; None if contact is solved at nodes.
+        amounts: displacement of the pad nodes in linear skin minus that in nonlinear skin [m], see the engine's
+            `Stimulus.given`, shape (3 m,); None for linear skin.
+        slide: mean tangential displacement of the loaded skin by friction [m].
+        coarse: whether the frame was reached in fewer steps than contact needs.
+        waits: whether a table of the skin is being made.
     """
 
     finger: str
@@ -62,7 +70,7 @@ class SkinState:
         note: str,
         counters: Mapping[str, int],
     ) -> SkinState:
-        """Return the state of a skin from one sample of the engine's."""
+        """Return the state of a skin from a sample of the engine."""
         return cls(finger, model, source=source, note=note, counters=counters, **vars(step))
 
     @property
@@ -72,7 +80,7 @@ class SkinState:
 
     @property
     def dragged(self) -> bool:
-        """Whether friction drags the skin so far that the person should know."""
+        """Whether friction drags the skin far enough to inform the user."""
         return self.slide >= DRAGGED
 
     @property

@@ -1,4 +1,4 @@
-"""The motion of thimbles and the skin that they render, live or from a bake.
+"""Motion of thimbles and the skin that they render, live or from a bake.
 
 Devices of six legs whose pose is searched are treated in the same way.
 
@@ -38,9 +38,10 @@ class _FingerPath:
     target: Any = None  # the `SkinState` that was followed last
     before: Any = None  # the follower's state before the last step
     rendered: Any = None  # the engine's `ThimbleFrame`
-    asked: tuple[Any, ...] = ()  # preset, edits and lineage at the last query; while they are the same, so is `key`
-    refused: tuple[Any, ...] = ()  # value of `asked` when preparing failed; not tried again until it changes
-    waits_at: Any = None  # the `SkinState` at which it waited for its tables or could not be prepared
+    # The preset, `changes.edits()` and `changes.lineage()` at the last query. While they are the same, so is `key`.
+    asked: tuple[Any, ...] = ()
+    refused: tuple[Any, ...] = ()  # value of `asked` when the preparation failed; no new try until `asked` changes
+    waits_at: Any = None  # the `SkinState` at which the thimble waited for its tables or could not be prepared
     edits: int = -1  # `changes.edits()` for which `seen` and `kept` hold
     seen: core.recent.Recent[float, Any] = field(default_factory=lambda: core.recent.Recent(skin_preview.SEEN))
     kept: KeptStates[Any] = field(default_factory=KeptStates)
@@ -115,8 +116,8 @@ def prepare(scene: bpy.types.Scene, target: SkinState) -> Iterator[None]:
 def follow(scene: bpy.types.Scene, target: SkinState, obj: bpy.types.Object, device: Any) -> _FingerPath:
     """Let a finger's thimble follow the skin of the current frame, once.
 
-    If `prepare` found at this skin that the thimble has to wait, nothing is tried here: rows and rendered skins of one
-    moment then agree.
+    `prepare` may have found that the thimble has to wait or cannot be prepared. Then nothing is tried again for this
+    skin, so that the rows and the rendered skins of one moment agree.
     """
     path = _paths.get(target.finger)
     if path is None or path.waits_at is not target or path.asked != _asked(device):
@@ -148,7 +149,8 @@ def _followed(
         path.target, path.rendered, path.error = target, path.seen[frame], ""
         return path
     if path.follower is None:
-        if path.refused == asked:  # another try would prepare it anew, and its message would replace the reason
+        # A new try would start the preparation again, and its progress would hide the reason of the failure.
+        if path.refused == asked:
             return path
         try:
             path.error = thimble_devices.waits(obj, device, model)
@@ -263,7 +265,10 @@ def _baked_state(scene: bpy.types.Scene, target: SkinState, device: Any, kind: s
 
 
 def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
-    """Return a finger's baked track with a replay on its skin, None without one."""
+    """Return a finger's baked track with a replay on its skin.
+
+    The result is None if the finger has no such track.
+    """
     played = _played.get(target.finger)
     if played is not None and played.result is result:
         return played
@@ -290,7 +295,10 @@ def _replay(result: Any, target: SkinState, device: Any) -> _Played | None:
 def _state(
     target: SkinState, kind: str, solution: Any, contact: Any, mismatch: float, whole: float | None
 ) -> SkinState:
-    """Return the target's skin as it is under the disc of a device of a kind."""
+    """Return the target's skin as the disc of a device deforms it.
+
+    The label of the state ends with the form in which Blender draws devices of `kind`.
+    """
     force, cone = contact.nodal(solution), core.contact.solver.cone
     total = force.sum(axis=0)
     normal = solution.pose.normal

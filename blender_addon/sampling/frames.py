@@ -35,7 +35,7 @@ def frame_range_now(scene: bpy.types.Scene) -> Span:
 
 
 def range_finding(scene: bpy.types.Scene) -> Finding | None:
-    """Return the finding on the range that is baked; None without one."""
+    """Return the finding on the range that is baked; None if there is none."""
     how, where, whole = scene.dermis.bake_range, f"scene '{scene.name_full}'", _scene_range(scene)
     if how == "PREVIEW" and scene.use_preview_range:
         span = f"{scene.frame_preview_start} to {scene.frame_preview_end}"
@@ -79,8 +79,8 @@ def _scene_range(scene: bpy.types.Scene) -> Span:
 def sweep_frames(scene: bpy.types.Scene, span: tuple[int, int], rate: float) -> tuple[Array, Array]:
     """Return the frames of samples at a rate [Hz], and their times [s].
 
-    They are the nearest frames that Blender can evaluate, in single precision. Times count from the first frame of the
-    span.
+    The frames are rounded to single precision, because Blender evaluates frames in single precision. The times are
+    those of the rounded frames, and count from the first frame of the span.
     """
     clock = scene_time.clock(scene, span[0])
     frames, _ = core.scene.tactile_scene.sample_frames(clock.rate, span, rate)

@@ -25,7 +25,8 @@ DARK, LIGHT = np.array([0x14, 0x2F, 0x5C]), np.array([0xC4, 0xD3, 0xE8])
 def shown_unit(measure: Measure) -> tuple[float, str]:
     """Return the unit in which a measure is shown.
 
-    The results are the size of the unit in SI units, and its name.
+    Returns:
+        Size of the unit in SI units, and name of the unit.
     """
     if measure.unit == "m" and max(float(measure.target.max()), float(measure.rendered.max())) < SMALL_LENGTH:
         return 1e-6, "µm"
@@ -87,7 +88,7 @@ def _gaps(times: Array) -> NDArray[np.intp]:
 def _pads(canvas: Canvas, pad: PadMap, left: float) -> None:
     """Draw the target and the rendered pressure on the pad.
 
-    The pad is seen through the nail, with the tip up.
+    The pad is seen from the nail's side, with the tip up.
     """
     low, high = pad.nodes.min(axis=0), pad.nodes.max(axis=0)
     zoom = min(MAP / max(high[0] - low[0], 1e-9), 2.2 * MAP / max(high[1] - low[1], 1e-9))

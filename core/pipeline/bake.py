@@ -1,4 +1,7 @@
-"""Results of rendering a scene: a track per finger and device, the skins, and the findings."""
+"""Results of rendering a scene: tracks, skins and findings.
+
+There is one track per finger and device.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +59,7 @@ class Bake:
         content_hash: hash of scene, device presets and version.
         stage_seconds: run time of each stage [s].
         skins: states of the skin of each finger that shows it or wears a device that needs it, by finger's name.
-        inputs: hashes of all that it was made from, thing by thing, see `inputs.inputs_of`.
+        inputs: hashes of all inputs of the bake, grouped by object, see `inputs.inputs_of`.
     """
 
     outputs: tuple[Output, ...]
@@ -73,7 +76,10 @@ class Bake:
 
     @property
     def recorded(self) -> bool:
-        """Whether all tracks follow recordings of sensors: then nothing of the scene is in them."""
+        """Whether all tracks follow recordings of sensors.
+
+        Nothing of the scene is in such tracks.
+        """
         sensors = [str(output.track.meta.get("sensor", "")) for output in self.outputs]
         return bool(sensors) and all(sensor.startswith(RECORDED) for sensor in sensors)
 

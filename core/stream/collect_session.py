@@ -24,7 +24,7 @@ from .signals import Interrupted, Signals
 
 REPEAT = 50  # [1] rows from one repetition to the next
 KEEP = 20  # [1] rows from one writing to the next
-LATE = 5.0  # [s] A device that reaches its goal later than planned by this is stuck, or its link stands still.
+LATE = 5.0  # [s] longest delay after the planned arrival; a longer one means that the device or its link is stuck
 REACHED = 1e-9  # [1] error of a channel at its goal, relative to the goal or to 1 unit, whichever is larger
 
 
@@ -33,7 +33,9 @@ class Collected:
     """A row that was read.
 
     Attributes:
-        row: its number in the sweep. again: it is a repetition. at: when its reading ended [s].
+        row: number of the row in the sweep.
+        again: whether the row is a repetition.
+        at: time at which the reading of the row ended [s].
         reading: mean of the sensor's readings, shape (channels,).
     """
 
@@ -47,9 +49,14 @@ class CollectSession(SensorStream):
     """Reads a sensor in every pose of a device.
 
     Args:
-        settle: how long a pose is held before it is read [s]. average: how long it is read [s].
-        most: largest difference of a sensor's channel from its value at rest, by the index of the channel; beyond it
-            the device goes to its safe state.
+        request: see `SensorStream`.
+        sensor: see `SensorStream`.
+        channels: see `SensorStream`.
+        signals: signals that end the session.
+        settle: how long a pose is held before the sensor is read [s].
+        average: how long the sensor is read [s].
+        most: largest allowed difference of a sensor's channel from its value at rest, by the index of the channel. If a
+            difference is larger, the device goes to its safe state.
     """
 
     def __init__(
@@ -66,7 +73,7 @@ class CollectSession(SensorStream):
         super().__init__(request, sensor, channels, signals)
         self.settle, self.average, self.most = settle, average, most
         self._rest: Array | None = None
-        self._looked = 0.0  # when the reading was taken that was checked last [s]
+        self._looked = 0.0  # [s] time of the last checked reading
 
     def collect(
         self,
@@ -83,7 +90,8 @@ class CollectSession(SensorStream):
             home: commands of the device at rest.
             rest: the reading of the device at rest, shape (channels,).
             done: rows of an earlier run.
-            keep: writes rows; called now and then, and at the end, also if an error or a signal ends it.
+            keep: function that writes rows. It is called every `KEEP` rows and at the end of the session, also if an
+                error or a signal ends the session.
 
         Raises:
             DermisError: a limit was passed, the sensor is too slow or fell silent, or the device's command
@@ -138,10 +146,11 @@ class CollectSession(SensorStream):
         """Drive to a command, and wait until the limiter has reached it.
 
         Args:
-            command: the command. more: time that the device may take beside that of its slew limits [s].
+            command: the command.
+            more: time that is allowed in addition to the time that the slew limits need [s].
 
         Raises:
-            DermisError: the limiter has not reached it in that time and `LATE`.
+            DermisError: the limiter needs longer than the slew limits, `more` and `LATE` together.
         """
         self.drive_to(command)
         output = self.streamer.output

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 
-# Twice a triangle's area, divided by the square of its longest edge. Up to this ratio it has no usable normal.
+# Twice a triangle's area, divided by the square of its longest edge. Up to this ratio a triangle has no usable normal.
 FLAT = 1e-10
 # Below this ratio, the closest point is first searched on the edges, since the Gram determinant has few exact digits.
 SLIVER = 1e-4
@@ -22,8 +22,8 @@ class TriangleTable:
     There is one row per quantity, so that the data of several triangles are gathered from contiguous memory.
 
     Attributes:
-        rows: corner a (3), edges ab (3) and ac (3) [m], squared lengths of ab, ac and bc, ab.ac [m^2], and the
-            reciprocal of the Gram determinant of ab and ac (0 without area) [m^-4], shape (14, T).
+        rows: corner a (3), edges ab (3) and ac (3) [m]; squared lengths of ab, ac and bc (3) [m^2]; dot product of ab
+            and ac (1) [m^2]; reciprocal of the Gram determinant of ab and ac (1), 0 without area [m^-4]. Shape (14, T).
         bounds: centroid (3), unit normal (3), circumscribing radius about the centroid (1), shape (7, T).
         usable: False for triangles without area, shape (T,).
         slivers: True for triangles with nearly no area, shape (T,); None if there are none.
@@ -69,7 +69,7 @@ class TriangleTable:
         return cls(rows, bounds, usable, slivers if slivers.any() else None)
 
     def without(self, ignored: NDArray[np.bool_]) -> TriangleTable:
-        """Return the table with some triangles as if they had no area.
+        """Return the table with some triangles treated as if without area.
 
         Args:
             ignored: whether each triangle is to be ignored, shape (T,).

@@ -13,9 +13,9 @@ from .bodies import NodeGaps
 from .cone import along
 from .solve import Solution
 
-# Least cosine between a face's normal and the direction to the bone in the computation of the depth.
+# The depth is computed with at least this cosine between a face's normal and the direction to the bone.
 STEEP = 0.5
-# Extent of the bone along the finger towards the tip [m].
+# [m] extent of the bone along the finger, from the point `bone` towards the tip.
 BONE_END = 4e-3
 
 
@@ -60,9 +60,10 @@ class PathStep:
 
     @cached_property
     def slide(self) -> float:
-        """Mean tangential displacement of the loaded skin, weighted with the normal forces [m].
+        """Mean tangential displacement of the loaded skin [m].
 
-        Symmetric bulging under pressure cancels out; the rest is shear of the tissue by friction.
+        The mean is weighted with the normal forces. Symmetric bulging under pressure cancels out. The rest is shear of
+        the tissue by friction.
         """
         weight = self.solution.normal_force
         total = float(weight.sum())
@@ -74,10 +75,12 @@ class PathStep:
         return float(np.sqrt(along_it @ along_it))
 
     def depth(self, points: Array, bone: Array) -> float:
-        """Return the penetration of the undeformed skin into the objects that it touches [m]; zero above them.
+        """Return the penetration of the undeformed skin into objects [m].
 
-        Drag does not count, because skin is dragged far beyond the face on which it lies at an edge. The penetration of
-        a point is therefore multiplied by the share of its displacement that is towards the bone.
+        It is zero if no point is inside an object. Drag does not count. At an edge, drag takes skin far beyond its
+        face. The penetration of a point is therefore multiplied by a share from 0 to 1: its displacement towards the
+        bone, divided by that of a displacement along the normal only, with the same normal component. In a frame from
+        rest the share is 1.
 
         Args:
             points: undeformed nodes [m], shape (m, 3).
@@ -87,7 +90,8 @@ class PathStep:
             return 0.0
         inside = np.flatnonzero(self.gaps.gap < 0.0)
         deep, normal, inward = -self.gaps.gap[inside], self.gaps.normal[inside], bone - points[inside]
-        inward[:, 1] = np.minimum(inward[:, 1] + BONE_END, 0.0)  # to the nearest part of the bone: beside it no Y
+        # The direction is to the nearest part of the bone: beside the bone it has no Y part, beyond its end it has one.
+        inward[:, 1] = np.minimum(inward[:, 1] + BONE_END, 0.0)
         if not self.from_rest:
             above = along(self.solution.displacement[inside], normal)
             way = self.displacement[inside] - above[:, None] * normal

@@ -26,7 +26,7 @@ from .force_sensor import ForceSensor
 from .ni import HIGHEST, Daq, nidaqmx_package
 
 SCHEMA = "dermis-forces 1"
-FORCES_HZ = 1000.0  # [Hz] rate of the rows in the file, each the mean of the readings in its time
+FORCES_HZ = 1000.0  # [Hz] rate of the rows in the file; a row is the mean of the readings in its interval
 TARE = 0.5  # [s] duration of the measurement without a load
 
 
@@ -45,7 +45,8 @@ def run(options: argparse.Namespace, package: Any, signals: Signals) -> int:
 
     `package`: the maker's package, or a simulation of it.
     """
-    settings = stated(vars(options), ("gain",), f"NI device, {options.output}")  # the device itself is set in volts
+    # An NI output is set in volts, so only the gain must be stated.
+    settings = stated(vars(options), ("gain",), f"NI device, {options.output}")
     track = export.read(options.track)
     volts, wave = volts_of(track, settings)
     if bool(options.inputs) != bool(options.sensor) or bool(options.forces) != bool(options.sensor):

@@ -60,7 +60,8 @@ def make(protocol: str, wire: Wire, options: dict[str, float]) -> Device:
         raise DermisError("no such protocol", value=protocol, limit=", ".join(DEVICES))
     module, name = DEVICES[protocol]
     faulty = FaultyClock(*(options.get(key, 0.0) for key in ("skew", "freeze", "jump")))
-    more: dict[str, Any] = {"clock": faulty} if protocol in ("native", "native-wifi") else {}  # the others have none
+    # Only the devices of these protocols have a clock.
+    more: dict[str, Any] = {"clock": faulty} if protocol in ("native", "native-wifi") else {}
     if protocol == "maestro":
         crc, number, timeout = (
             options.get(f"board_{key}", d) for key, d in (("crc", 0), ("number", 12), ("timeout", 0))
@@ -112,7 +113,7 @@ class Server:
         self._credit, self._credited = 0.0, clock.now()
 
     def step(self) -> bool:
-        """Process arrived data and the device's due work; False: the link is closed."""
+        """Process arrived data and due work; return False if the link is closed."""
         wait = IDLE
         now = clock.now()
         if self._slow:

@@ -1,18 +1,18 @@
 """Contact of a rigid disc with the skin: forces and their derivatives.
 
 The disc's material moves with the disc, so sticking skin is sheared when the disc tilts, shifts or turns. The history
-of friction is a `FrictionState`: for every point of the skin near the disc, the point of the disc to which it is
-anchored. The state is held constant while poses are tried, and updated by `DiscContact.settle` for the chosen pose
-(staggering). The gap at the rounded rim is computed at the position of the deformed skin, as in
-`contact.solver.history`. A sticking point is at its anchor. Any other point is at its position after the last step.
+of friction is a `FrictionState`, which has an anchor on the disc for every point of the skin. The state is held
+constant while poses are tried, and updated by `DiscContact.settle` for the chosen pose (staggering). The gap at the
+rounded rim is computed at the position of the deformed skin, as in `contact.solver.history`. A sticking point is at its
+anchor. Any other point is at its position after the last step.
 
 Contact at a pose is solved on the condensed compliance by a semi-smooth Newton method. All points of a rigid flat disc
 have the same normal, and Coulomb's projection is homogeneous of degree one, so the Newton system reduces to A f = -D b
-with A = (I - D) / r + D C. Here f are the forces, C is the compliance, b is the relative displacement without forces, D
-is the derivative of the projection, and r is the weight of displacements. The LU factors of A also give the exact
-derivative df by implicit differentiation. In a frame that turns with the disc, Coulomb's law does not change. The
-derivative is therefore df = Omega f + h. The part Omega f turns the forces with the disc, and h obeys
-A h = -D (C Omega f - Omega C f + db'), where db' is the change of b in the disc's frame.
+with A = (I - D) / r + D C. Here f are the forces, C is the compliance, and b is the relative displacement without
+forces. D is the derivative of the projection, and r is the weight of displacements against forces in the projection.
+The LU factors of A also give the exact derivative df by implicit differentiation. In a frame that turns with the disc,
+Coulomb's law does not change. The derivative is therefore df = Omega f + h. The part Omega f turns the forces with the
+disc, and h obeys A h = -D (C Omega f - Omega C f + db'), where db' is the change of b in the disc's frame.
 
 The displacement of neo-Hookean skin is that of linear skin minus a correction c. While poses are tried, c is constant
 and is subtracted from b. `DiscContact.solve` solves contact at one pose by the law itself (`DiscLaw`).
@@ -128,8 +128,9 @@ class DiscContact:
         self._guess: tuple[Array, Array, Array] | None = None  # a configuration, its forces and their derivative
         # The undeformed positions of all points, then their positions after the last step.
         self._all = np.concatenate([self.positions, self.positions])
-        self._rest4, self._places4 = np.ones((0, 4)), np.ones((0, 4))  # the candidates in homogeneous coordinates
-        self.choice = 0  # number of choices of candidates, so that tables for them can be kept
+        # Homogeneous coordinates of the candidates: undeformed, and after the last step.
+        self._rest4, self._places4 = np.ones((0, 4)), np.ones((0, 4))
+        self.choice = 0  # number of choices of candidates; while it stays the same, tables for the candidates are valid
         self.solved = self.fallbacks = 0
         from scipy.linalg.lapack import dgetrf, dgetrs
 
@@ -372,7 +373,7 @@ class DiscContact:
         right = change[active]
         right[:, :, :count] -= (moved[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)
         turned = None
-        if len(slips):  # without slip, these terms cancel
+        if len(slips):  # if no point slips, these terms cancel
             turned = (force[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)  # Omega f
             block = self._active_block(active).matrix
             right[:, :, :count] += (block @ turned.reshape(-1, count)).reshape(-1, 3, count)
@@ -409,7 +410,7 @@ class DiscContact:
         out[:, 2] = -seen.gap[near]
         motion = -pose.motion().transpose(2, 1, 0).reshape(4, 3 * n)
         move = (self._rest4 @ motion).reshape(-1, 3, n)
-        if not self._all_anchored:  # a point without an anchor has no slip
+        if not self._all_anchored:  # a point without an anchor has no tangential displacement relative to the disc
             loose = ~self._anchored
             out[loose, :2] = 0.0
             move[loose] = turn[:, 2:] * (turn[:, 2] @ move[loose])[:, None]

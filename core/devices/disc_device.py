@@ -18,9 +18,9 @@ LATERAL = ("shift x", "shift y", "yaw")  # names of the values of a configuratio
 
 
 class DiscDevice(Protocol):
-    """Interface of a device for searches of poses.
+    """Interface of devices whose poses are searched.
 
-    The values of its n joints are angles of servos or lengths of legs.
+    A device has n joints. Their values are angles of servos or lengths of legs.
     """
 
     @property

@@ -128,7 +128,7 @@ class FrictionState:
         force: force on each point at the end of the last step [N], shape (m, 3).
         sticking: whether each point sticks, shape (m,).
         moved: displacement of the points at the end of the last step [m], shape (m, 3).
-        last: contact at the end of the last step, from which the first guess of the next one is made.
+        last: contact at the end of the last step, from which the first guess of the next step is made.
         law: state of the nonlinear law at the end of the last step; None at rest and on linear skin.
     """
 
@@ -153,13 +153,15 @@ class DiscSolution:
 
     Attributes:
         pose: pose of the disc.
-        near: indices of the points of the skin that may touch, shape (s,); all others carry no force.
-        force: force on these points [N], shape (s, 3).
-        displacement: relative displacement w = C f + b of these points [m], shape (s, 3).
+        near: indices of the candidates, the points of the skin that may touch, shape (s,); all other points carry no
+            force.
+        force: forces on the candidates [N], shape (s, 3).
+        displacement: relative displacement w = C f + b of the candidates [m], shape (s, 3).
         slope: derivative of the forces with respect to the configuration, shape (s, 3, n).
         status: OPEN, STICK or SLIP, shape (s,).
-        residual: |f - P(f - w / rho)| / |f|.
-        iterations: number of Newton steps and of iterations of the fallback.
+        residual: |f - P(f - r w)|, divided by the larger of |f| and |P(f - r w)|, with Coulomb's projection P and the
+            weight r of displacements.
+        iterations: number of Newton steps, plus that of iterations of the fallback.
         method: 'none' (nothing touches), 'newton', or 'fallback' if Newton's method did not converge.
         amounts: correction c of nonlinear skin at the pad nodes [m], see `Stimulus.given`, shape (3 m,); None if the
             law was not evaluated.

@@ -14,9 +14,11 @@ from .thimble import Thimble
 def first_contact(device: DiscDevice, contact: DiscContact, pitch: float = 0.0, roll: float = 0.0) -> float:
     """Return the distance z at which the disc first touches the skin [m].
 
+    The skin is undeformed.
+
     Args:
         device: the device.
-        contact: contact of its disc with the skin, which is undeformed.
+        contact: contact of the device's disc with the skin.
         pitch, roll: tilt of the disc [rad].
     """
     z = 0.0
@@ -31,12 +33,12 @@ def first_contact(device: DiscDevice, contact: DiscContact, pitch: float = 0.0, 
 def calibrated(device: Thimble, contact: DiscContact, felt: Array) -> Thimble:
     """Return a thimble with its mount calibrated to a person.
 
-    The mount is shifted along the base's axis, until the disc of the model first touches at the servo angles at which
-    the person first feels the disc.
+    The mount is shifted along the base's axis. The disc of the model then first touches at the servo angles at which
+    the person first felt the disc.
 
     Args:
         device: the thimble.
-        contact: contact of its disc with the person's skin.
+        contact: contact of the thimble's disc with the person's skin.
         felt: servo angles from neutral at the person's first contact [rad], shape (3,).
 
     Raises:

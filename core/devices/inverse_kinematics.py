@@ -18,7 +18,7 @@ from .linkage import LEGS, Linkage
 
 # Largest cosine of the angle between a crank and the line from its servo to the joint on the platform. The angle is
 # then 0.08 degrees from that of a stretched or folded leg. At smaller differences, the servo's angle hardly determines
-# the pose, and its derivative with respect to the pose grows without bound.
+# the pose, and the derivative of the servo's angle with respect to the pose grows without bound.
 BENT = 1.0 - 1e-6
 UPRIGHT = 1.5 * math.sqrt(3.0)  # determinant for a level platform on upright rods, by which the margin is divided
 

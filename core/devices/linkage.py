@@ -57,8 +57,8 @@ class Linkage:
         crank, rod: lengths L1 and L2 [m].
         servo_zero: servo angle at neutral [rad].
         bend: +1 if the legs' knees point outwards, -1 if inwards.
-        side: +1 if the level platform hangs on its rods, -1 if it stands on them. This is the sign of the determinant
-            of which the singularity margin is made.
+        side: +1 if the level platform hangs on its rods, -1 if it stands on them. The singularity margin is multiplied
+            by this sign, which makes it positive for the level platform.
     """
 
     platform_radius: float

@@ -44,10 +44,12 @@ class Poses:
 
 
 def limited(twist: Array) -> Array:
-    """Return movements scaled down to a largest component of `FAR` or `TURN`.
+    """Return movements, scaled so that no component exceeds its limit.
+
+    The limits are `FAR` for shifts and `TURN` for turns. A movement within the limits is not changed.
 
     Args:
-        twist: movements (shift, turn) [m, rad], shape (n, 6). A movement within these limits is not changed.
+        twist: movements (shift [m], turn [rad]), shape (n, 6).
     """
     size = np.maximum(np.abs(twist[:, :3]).max(axis=1) / FAR, np.abs(twist[:, 3:]).max(axis=1) / TURN)
     return np.asarray(twist / np.maximum(size, 1.0)[:, None])

@@ -101,7 +101,8 @@ class PressProblem:
 
     Attributes:
         rho: weight of the identity that is added to C in the alternating method [m/N].
-        own: index of each component in the order by point, among those of all points, shape (3 m,).
+        own: index of each component among the components of the whole skin in the order by point, shape (3 m,). The
+            problem of some points, see `part`, has fewer components than the whole skin.
         exact, compliance: C in the order by component, in double and in single precision, shape (3 m, 3 m).
         jacobian: J, movement of the points for (shift, turn) of the platform, shape (3 m, 6).
         inverse: (C + rho I)^-1 and (C + rho I)^-1 J side by side, float32, shape (3 m, 3 m + 6).

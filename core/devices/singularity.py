@@ -1,8 +1,8 @@
 """Singularity margin of a 3-RRS platform, and its derivative.
 
 At a singular pose, the platform can move although all three servos are held, because the constraints of the rods are
-linearly dependent. Singular poses lie within the servos' range, at tilts of 30 degrees and more. A device must stay on
-the same side of them as its level pose.
+linearly dependent. Singular poses are within the servos' range, at tilts of 30 degrees and more. A device must stay on
+the same side of the singular poses as its level pose.
 
 The joint of a leg lies at a distance r outwards of its servo and at a height h, see `inverse_kinematics`. A movement of
 the platform changes the length of a rod with unit direction l by l . d(r, h). The margin is the determinant of these

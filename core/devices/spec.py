@@ -140,8 +140,9 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
         preset: content of the file.
 
     Raises:
-        DermisError: the schema or a unit is unknown, a field is missing or unknown, two channels have one name, limits
-            are crossed, a rest value is outside the limits, or the range disc names channels that do not exist.
+        DermisError: the schema or a unit is unknown; a field is missing or unknown; two channels have one name; a low
+            limit is above the high one; a rest value is outside the limits; or the range disc is not valid, see
+            `range_disc`.
     """
     where = f"device preset '{key}'"
     if not isinstance(preset, Mapping):

@@ -74,8 +74,8 @@ class Thimble(Linkage):
     def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
         """Return the constraints c(x) >= 0 of a configuration and dc/dx.
 
-        The first three values are the distances of the servos' angles from their highest [rad], the next three those
-        from their lowest [rad]. The last is the singularity margin minus `MIN_MARGIN`.
+        The first three values are the highest angles minus the servos' angles [rad]. The next three are the servos'
+        angles minus the lowest angles [rad]. The last is the singularity margin minus `MIN_MARGIN`.
 
         Args:
             x: pitch, roll [rad] and distance [m], shape (3,).

@@ -37,10 +37,10 @@ class Dataset:
     Attributes:
         x: configurations, shape (n, 3), or (n, 6) for a device with six degrees of freedom.
         force: forces on the m pad nodes [N], shape (n, 3 m).
-        before: forces on the p pressed points at the end of the previous step [N], shape (n, 3 p). They are part of the
-            friction state with which the step begins.
+        before: forces on the p pressed points at the end of the previous step [N], shape (n, 3 p). These forces are
+            part of the friction state with which the step begins.
         trial: trial forces on the p pressed points at the new pose [N], see `TrialForce`, shape (n, 3 p), with x of all
-            points first. They begin with the same friction state.
+            points first. They are computed from the same friction state.
         trajectory: number of the movement to which each sample belongs, shape (n,).
         friction: Coulomb's coefficient of friction.
     """
@@ -77,12 +77,12 @@ def record(
 
     Yields (finished, all) movements and returns the dataset. Each movement starts clear of the skin and goes to one or
     more configurations in the skin. It ends early at a configuration that the device cannot reach, or after a sample
-    with more than the largest force. Tilts are uniformly distributed, and so are distances before or after first
-    contact at their tilt.
+    whose force exceeds `max_force`. Tilts are uniformly distributed. For each tilt, the distance is uniformly
+    distributed in a range that begins or ends at first contact.
 
     Args:
         device: the mechanism.
-        contact: contact of its disc with the skin.
+        contact: contact of the device's disc with the skin.
         trajectories: number of movements.
         seed: seed of the random numbers.
         steps: least and largest number of steps from one configuration to the next.
@@ -143,7 +143,7 @@ def joined(parts: Sequence[Dataset]) -> Dataset:
 def split(trajectory: Indices, share: float = 0.5, seed: int = 0) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return masks of the training samples and of the test samples.
 
-    Whole movements are assigned to one of the sets, because samples of one movement are too similar to test each other.
+    All samples of a movement are in the same set, because they are too similar to be in both.
 
     Args:
         trajectory: number of the movement of each sample, shape (n,).

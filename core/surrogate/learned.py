@@ -33,8 +33,8 @@ class LearnedModel:
         device: the mechanism.
         trial: trial forces on this skin.
         trial_space: subspace of trial forces.
-        friction: subspace of the previous step's forces; None for a fit without them. Each pose is then pressed from
-            rest, and the fit is evaluated even if nothing touches.
+        friction: subspace of the previous step's forces; None for a fit that does not use them. Each pose is then
+            pressed from rest, and the fit is evaluated even if nothing touches.
         stiffness: stiffness of this skin, divided by that of the skin in the training. Forces and stresses at given
             poses are proportional to it, so a person's alpha needs no new training.
 
@@ -110,8 +110,8 @@ class LearnedModel:
     def evaluate(self, x: Array) -> tuple[Array, Array]:
         """Return the stimulus, shape (k,), and its derivative, shape (k, n).
 
-        The derivative includes that of the trial forces. If nothing touches, both are zero for a fit with a friction
-        state.
+        The derivative is with respect to x and includes that of the trial forces. If nothing touches, both results are
+        zero, unless the fit does not use the previous step's forces.
         """
         told = self.trial.told(placed(self.device, self.device.pose(x)), self._basis)
         if told is None:

@@ -3,8 +3,8 @@
 A touch is solved on points of the smooth skin. The contact with a device must be solved on similar points. Otherwise
 the device would also render the difference between two meshes, which is a fifth of the touch on a draft skin. A disc is
 flat, so one set of points serves all its poses. Each point stands for about four cells of the pad's tree. The pressure
-on these cells is constant, and the displacement of the point is their mean displacement, so the forces do the same work
-on the point as on the cells.
+on these cells is uniform, and the displacement of the point is their mean displacement. The forces therefore do the
+same work on the point as on the cells.
 """
 
 from __future__ import annotations

@@ -66,7 +66,7 @@ class QuadraticRidge:
 class PartOfRidge:
     """Quadratic ridge whose last inputs are fixed.
 
-    Many evaluations with the same last inputs are faster in this form, a polynomial of the first inputs.
+    Many evaluations with the same last inputs are faster with this polynomial of the first inputs.
 
     Args:
         ridge: ridge of all inputs.
@@ -139,7 +139,7 @@ def fit_ridge(table: SampleTable, penalty: float | None = None) -> QuadraticRidg
 def _best_penalty(features: Array, wanted: Array, trajectory: NDArray[np.int64]) -> float:
     """Return the penalty that predicts left-out movements best.
 
-    Whole movements are left out, because samples of one movement are too similar to test each other. If there are less
+    Whole movements are left out, because samples of one movement are too similar to test each other. If there are fewer
     than `FOLDS` movements, the result is the middle penalty.
     """
     fold = np.unique(trajectory, return_inverse=True)[1] % FOLDS

@@ -62,7 +62,7 @@ class SampleTable:
             of freedom.
         memory: further quantities on which the channels depend, such as trial forces and the friction state of the
             previous step, shape (n, q), q >= 0; all columns have the same unit.
-        channels: values to predict, such as stress components or electrodes, shape (n, c).
+        channels: values to predict, such as stress components or readings of electrodes, shape (n, c).
         trajectory: number of the movement to which each row belongs, shape (n,).
     """
 
@@ -94,8 +94,9 @@ class SampleTable:
     def standard(self) -> tuple[Array, Array]:
         """Mean and scale of the inputs, each of shape (d + q,).
 
-        A fit subtracts the mean and divides by the scale. All columns of the memory share one scale, their largest
-        standard deviation, so that small columns stay small.
+        There are d values of a configuration and q columns of the memory. A fit subtracts the mean and divides by the
+        scale. All columns of the memory share one scale, their largest standard deviation, so that small columns stay
+        small.
         """
         centre, scale = self.inputs.mean(axis=0), self.inputs.std(axis=0)
         scale[self.x.shape[1] :] = scale[self.x.shape[1] :].max(initial=0.0)
@@ -142,7 +143,7 @@ def read_table(path: Path) -> SampleTable:
 
     An .npz file has the arrays `x` and `channels`, and optionally `memory`, `trajectory` and `times`. Without
     `trajectory` all rows belong to one movement. In a .csv file the first three columns are `x`, and all others are
-    channels. Their names can state units; without a unit the values are in SI units.
+    channels. The names of the first three columns can state units; without a unit, `x` is in SI units.
 
     Raises:
         DermisError: the file cannot be read; an array is missing, has a wrong shape or has values that are not finite

@@ -156,7 +156,8 @@ _LOAD, _MOVED, _ANCHOR, _PULL = slice(0, 3), slice(4, 7), slice(8, 10), slice(10
 _SPRUNG, _PLACE = slice(0, 4), slice(4, 8)
 _TINY = 1e-300
 _UNIT, _AWAY = np.eye(3), np.array([-1.0, -1.0, -1.0, 1.0])
-# Signs that change the maps for `_SPRUNG` into maps for `_PLACE`, whose first row gives a point's position in the
-# disc's frame, and whose others give the velocity of the disc at the point for each value of the configuration.
+# Signs that change the maps for `_SPRUNG` into maps for `_PLACE`. The first of these maps gives the position of a point
+# in the disc's frame. Each of the others gives the velocity of the disc at the point for one value of the
+# configuration.
 _BEFORE = np.tile(_AWAY, (7, 1, 1))
 _BEFORE[0] *= -1.0

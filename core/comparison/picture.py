@@ -14,8 +14,9 @@ from ..plot.canvas import Canvas, SvgCanvas
 from .device_comparison import Row
 from .measures import Measure, PadMap
 
-LEFT, TOP, PANEL, GAP, FOOT = 62.0, 50.0, 104.0, 54.0, 40.0  # margins, height of a panel, gap below it [points]
-PLOT, MAP = 430.0, 132.0
+# [points] LEFT, TOP and FOOT: margins of the picture. PANEL: height of a panel. GAP: gap below a panel.
+LEFT, TOP, PANEL, GAP, FOOT = 62.0, 50.0, 104.0, 54.0, 40.0
+PLOT, MAP = 430.0, 132.0  # [points] width of a panel, and largest width of a map of the pad
 TARGET, RENDERED = INK, "#d9650a"
 SMALL_LENGTH = 1e-4  # [m] lengths below it are shown in micrometres
 UNITS = {"Pa": (1e3, "kPa"), "m": (1e-3, "mm"), "1": (1.0, "")}

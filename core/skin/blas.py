@@ -29,8 +29,8 @@ def one_thread() -> Iterator[None]:
     """Restrict the BLAS of NumPy and SciPy to one thread while a block runs.
 
     Blocks may be nested and may run in several threads. The first block sets the limit, which takes a fifth of a
-    millisecond. The last block restores the number of threads if it ends in the thread that set the limit, or if this
-    thread has ended. Otherwise the limit stays until another block meets this condition.
+    millisecond. The last block restores the number of threads if it ends in the thread that set the limit, or if that
+    thread has ended. Otherwise the limit stays until a later last block meets this condition.
     """
     global _held, _limit, _holder
     with _lock:

@@ -68,7 +68,7 @@ def disk_quads(across: int, along: int, rings: int) -> DiskQuads:
     if rings < 1:
         raise DermisError("too few rings", where="fingertip mesh", value=rings, limit=">= 1")
     n, m = across, along
-    # Rows run along the finger (real part: towards the cut end), columns across it.
+    # Rows of the block run along the finger, and columns across it. The real part increases towards the cut end.
     real, imag = np.meshgrid(np.linspace(-1.0, 1.0, m + 1), np.linspace(-1.0, 1.0, n + 1), indexing="ij")
     half = 0.5 * (PAD_BACK + PAD_FRONT)
     middle = 0.5 * (PAD_BACK - PAD_FRONT)

@@ -2,7 +2,7 @@
 
 The stiffness matrix can be inverted exactly if no part of the mesh can move without being deformed. Elements that share
 a face move together as one rigid part. Parts that share only an edge or a node can turn about it. The check therefore
-looks for motions of the parts as rigid bodies that fixed nodes and shared nodes allow.
+takes each part as a rigid body, and looks for motions that the fixed nodes and the shared nodes allow.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _levers(nodes: Array, node: NDArray[np.integer], on: NDArray[np.integer], co
 
     Args:
         nodes: positions [m], shape (all, 3).
-        node, on: indices of the node and of the part in each pair of them, shape (n,) each.
+        node, on: indices of a node and of a part that contains it, for each such pair, shape (n,) each.
         count: number of parts.
     """
     sizes = np.bincount(on, minlength=count)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # faces of a tetrahedron, counter-clockwise from outside
+FACES = ((1, 2, 3), (0, 3, 2), (0, 1, 3), (0, 2, 1))  # corners of a tetrahedron's faces, counter-clockwise from outside
 PAD_TILT = -0.1  # skin belongs to the pad if the Z component of its outward unit normal is below this value
 
 

@@ -23,7 +23,7 @@ from .condense import breadth_first_levels
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-ROWS, LANES = 4, 8  # layout of the strips of an inverse, see rest.c
+ROWS, LANES = 4, 8  # strips of an inverse: number of rows, and number of which the width is a multiple, see rest.c
 
 
 class RestFactor:

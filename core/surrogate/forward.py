@@ -32,11 +32,15 @@ class ForwardModel(Protocol):
         ...
 
     def hold(self, state: FrictionState) -> None:
-        """Fix the friction state for the evaluations that follow."""
+        """Fix the friction state for the following evaluations."""
         ...
 
     def evaluate(self, x: Array) -> tuple[Array, Array]:
-        """Return the stimulus, shape (k,), and its derivative by x, shape (k, n)."""
+        """Return the stimulus, shape (k,), and its derivative, shape (k, n).
+
+        Args:
+            x: configuration, shape (n,). The derivative is with respect to x.
+        """
         ...
 
 
@@ -108,7 +112,7 @@ class DirectModel:
     def stimulus(self, solution: DiscSolution) -> Array:
         """Return the stimulus of a contact, shape (k,).
 
-        If the contact was solved by the law, so is the stimulus.
+        If the contact was solved by the law, the stimulus is computed by the law too.
         """
         if solution.amounts is None or self.observer is None or not solution.touching:
             return self.linear(solution)
@@ -125,9 +129,9 @@ class DirectModel:
         return self._felt[1]
 
     def solution(self, x: Array) -> DiscSolution:
-        """Return the solved contact on linear skin.
+        """Return the contact solved on linear skin.
 
-        The current correction of the contact is added.
+        On skin that follows a law, the current correction of the contact is used.
         """
         key = x.tobytes()
         if self._last is None or self._last[0] != key:

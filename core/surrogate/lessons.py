@@ -1,7 +1,7 @@
 """Lessons: movements for training, and movements for testing.
 
-The movements for testing are of the same kinds, and are held out. Whole movements are held out, and they are chosen
-before training. Samples of one movement are too similar to be split between training and test.
+Both sets have movements of the same kinds. Whole movements are held out for testing, because samples of one movement
+are too similar to be split between training and test. The movements for testing are chosen before training.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from .table import Fit, SampleTable, movement_errors, relative_rms
 
 @dataclass(frozen=True)
 class Movements:
-    """A kind of movements.
+    """One kind of movements.
 
     Attributes:
         share: number of movements of this kind, relative to the requested number of trajectories.
-        pressed: see `record`.
-        learned: share of the movements used for training.
+        pressed: number of configurations in the skin in each movement, see `record`.
+        learned: share of the movements that are used for training.
     """
 
     share: float
@@ -41,7 +41,12 @@ FEWEST = 4  # least number of movements of a kind
 
 @dataclass(frozen=True, eq=False)
 class Lessons:
-    """Training set of all kinds, and the held-out set of each of `KINDS`."""
+    """Movements for training and for testing.
+
+    Attributes:
+        data: training set, with movements of all kinds.
+        held_out: test set of each kind, by its name in `KINDS`.
+    """
 
     data: Dataset
     held_out: dict[str, Dataset]

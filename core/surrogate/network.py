@@ -106,7 +106,7 @@ def train(
 
     The same table and seed give the same network. L-BFGS optimises only the weights and biases of the hidden layer. In
     each step the output weights are the optimal ones for this hidden layer. This saves many steps compared with an
-    optimisation of both.
+    optimisation of all weights.
 
     Args:
         table: inputs and channels.

@@ -26,7 +26,7 @@ from ..version import version
 from .network import Network
 
 OPSET, IR_VERSION = 17, 8  # versions of ONNX: of the set of operators, and of the file format
-META = "dermis"
+META = "dermis"  # key of the metadata of this product
 SCHEMA = "dermis-surrogate 2"
 OLDER = ("dermis-surrogate 1",)  # earlier schemas, whose inputs do not show which nodes touch and which stick
 INPUTS, OUTPUTS = ("features", "slopes"), ("stress", "jacobian")
@@ -40,7 +40,7 @@ def dumps(network: Network, meta: Mapping[str, Any] | None = None) -> bytes:
 
     Args:
         network: the network.
-        meta: plain values about its training, such as the keys of skin and device.
+        meta: plain values about the training, such as the keys of skin and device.
     """
     p, c, h = network.inputs, network.outputs, network.hidden
     ways = int((meta or {}).get("freedoms", 3))
@@ -172,7 +172,7 @@ class OnnxFit:
             self._check(where)
         except DermisError:
             raise
-        # onnxruntime raises its own exceptions for damaged files; names that are not text raise others.
+        # onnxruntime raises its own exceptions for damaged files, and other exceptions for names that are not text.
         except Exception as error:
             raise DermisError("onnxruntime cannot run this file", where=where, value=str(error)[:200]) from error
         self._bound: _Bound | None = None
@@ -274,7 +274,7 @@ def read_meta(data: bytes, where: str = "") -> dict[str, Any]:
     if not 1 <= opset <= OPSET:
         raise DermisError("unsupported ONNX operator set", where=where, value=opset, limit=f"1 to {OPSET}")
     sizes = [meta.get(n) for n in ("inputs", "outputs")]
-    freedoms = meta.get("freedoms", 3)  # older files, made only for three degrees of freedom, lack it
+    freedoms = meta.get("freedoms", 3)  # older files lack this value; they were made for three degrees of freedom only
     enough = type(freedoms) is int and freedoms in (3, 6)
     if not enough or not all(
         type(n) is int and low <= n <= MAX_SIZE for n, low in zip(sizes, (freedoms, 1), strict=True)

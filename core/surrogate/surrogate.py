@@ -18,7 +18,7 @@ from .trial import TrialForce
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """A learned model.
+    """Learned model of one skin and device.
 
     Attributes:
         descriptors: descriptors of stress, trial forces and friction state.

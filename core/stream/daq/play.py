@@ -43,7 +43,10 @@ def daq(options: argparse.Namespace) -> int:
 def run(options: argparse.Namespace, package: Any, signals: Signals) -> int:
     """Play a track; see `daq`.
 
-    `package`: the maker's package, or a simulation of it.
+    Args:
+        options: options of the command.
+        package: the maker's package, or a simulation of it.
+        signals: signals that end the playing.
     """
     # An NI output is set in volts, so only the gain must be stated.
     settings = stated(vars(options), ("gain",), f"NI device, {options.output}")
@@ -124,7 +127,8 @@ class Forces:
     The sensor is first measured without a load.
 
     Attributes:
-        tare: voltages without a load [V], shape (inputs,). beyond: number of readings near the end of the range.
+        tare: voltages without a load [V], shape (inputs,).
+        beyond: number of readings near the end of the range.
     """
 
     def __init__(self, sensor: ForceSensor, device: Daq) -> None:
@@ -139,7 +143,12 @@ class Forces:
         self._left, self._left_at = np.zeros((0, sensor.inputs)), 0.0
 
     def take(self, at: float, volts: Array) -> None:
-        """Add readings [V], shape (n, inputs); `at`: time of the first [s]."""
+        """Add readings.
+
+        Args:
+            at: time of the first reading [s].
+            volts: the readings [V], shape (n, inputs).
+        """
         self.beyond += self._sensor.beyond(volts)
         block = max(round(self._rate / FORCES_HZ), 1)
         start = self._left_at if len(self._left) else at
@@ -154,7 +163,7 @@ class Forces:
     def rows(self) -> tuple[Array, Array]:
         """Return times by the stream's clock [s], shape (n,), and the forces.
 
-        The forces have the shape (n, results).
+        The forces and torques have the shape (n, results), in the sensor's units.
         """
         if not self._volts:
             return np.zeros(0), np.zeros((0, len(self._sensor.channels)))

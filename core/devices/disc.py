@@ -241,6 +241,11 @@ class DiscContact:
         """Solve contact by Gauss-Seidel sweeps.
 
         They are slower than Newton's method but more robust.
+
+        Args:
+            pose: pose of the disc.
+            offset: offset b of the candidates [m], shape (s, 3).
+            start: forces to start from [N], shape (s, 3).
         """
         b = offset if self._less is None else offset - self._less[self.near]
         normals = np.tile(pose.normal, (len(offset), 1))
@@ -431,7 +436,11 @@ class DiscContact:
         self._take(np.flatnonzero(seen.gap < NEAR))
 
     def _take(self, near: NDArray[np.intp]) -> None:
-        """Set the candidates and their part of the friction state."""
+        """Set the candidates and their part of the friction state.
+
+        Args:
+            near: indices of the candidates, shape (s,).
+        """
         if near is not self.near and not np.array_equal(near, self.near):
             self.choice += 1
             self._built = self._block = None

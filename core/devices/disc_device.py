@@ -100,6 +100,10 @@ class DiscDevice(Protocol):
         """Return whether the device reaches x within given limits of its joints.
 
         Singular poses and poses near to them count as not reached.
+
+        Args:
+            x: configuration, shape (n,).
+            low, high: lowest and highest values of the joints from neutral [rad or m], shape (n,) each.
         """
         ...
 

@@ -76,6 +76,11 @@ def _rods(linkage: Linkage, angles: Array, x: Array) -> tuple[Array, Array]:
 
     A residual is, to first order, the missing length of a rod, divided by the platform's radius. The derivatives are
     with respect to the tilt and to the distance divided by this radius. The shapes are (3,) and (3, 3).
+
+    Args:
+        linkage: links of the platform.
+        angles: servo angles [rad], shape (3,).
+        x: configuration, shape (3,).
     """
     size, rod = linkage.platform_radius, linkage.rod
     miss, slopes = [], []

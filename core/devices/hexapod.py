@@ -56,9 +56,13 @@ class Hexapod:
         return np.linalg.norm(self._legs(poses)[1], axis=2)
 
     def carry(self, commands: Array, start: Poses) -> Poses:
-        """Return the poses with given leg lengths [m], by forward kinematics.
+        """Return the poses with given leg lengths, by forward kinematics.
 
         See `press_problem.Carrier`.
+
+        Args:
+            commands: leg lengths [m], shape (n, 6).
+            start: poses near the result, from which the search starts.
 
         Raises:
             DermisError: no pose with these lengths was found from `start`.

@@ -30,7 +30,7 @@ class Poses:
         return len(self.centre)
 
     def take(self, rows: NDArray[np.intp]) -> Poses:
-        """Return the poses with given indices."""
+        """Return the poses with the indices `rows`."""
         return Poses(self.rotation[rows], self.centre[rows])
 
     def moved(self, twist: Array) -> Poses:

@@ -111,6 +111,9 @@ class Thimble(Linkage):
 
         It is allowed if all legs reach, all servos are within `servo_limits`, and the singularity margin is at least
         `MIN_MARGIN`.
+
+        Args:
+            x: pitch, roll [rad] and distance [m], shape (3,).
         """
         low, high = self.servo_limits
         pitch, roll, distance = np.asarray(x, dtype=np.float64).tolist()

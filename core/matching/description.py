@@ -100,6 +100,11 @@ def description_key(device: DiscDevice, skin: SkinModel, friction: float) -> str
     """Return the key of a description.
 
     It is made from all inputs of the description except the engine's source files.
+
+    Args:
+        device: the mechanism.
+        skin: model of the skin; its stiffness has no effect.
+        friction: friction coefficient between disc and skin.
     """
     points = pressed_on(skin)
     smooth = ""

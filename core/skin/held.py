@@ -105,7 +105,15 @@ def _levers(nodes: Array, node: NDArray[np.integer], on: NDArray[np.integer], co
 def _refusal(
     mesh: TetraMesh, mine: NDArray[np.bool_], fixed: NDArray[np.integer], shared: NDArray[np.integer], where: str
 ) -> DermisError:
-    """Return the error for a loose part."""
+    """Return the error for a loose part.
+
+    Args:
+        mesh: mesh with the part.
+        mine: whether each element belongs to the part, shape (e,).
+        fixed: indices of the fixed nodes of the part, shape (f,).
+        shared: indices of the nodes that the part shares with other parts, shape (s,).
+        where: name of the mesh, for the error.
+    """
     x, y, z = 1e3 * mesh.nodes[mesh.tetrahedra[mine]].mean(axis=(0, 1))
     bone = f"{len(fixed)} of its nodes are fixed"
     if len(fixed) > 1:

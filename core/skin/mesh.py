@@ -133,7 +133,12 @@ def pad_nodes(mesh: TetraMesh, exclude: NDArray[np.integer] | None = None) -> In
 
 
 def tetra_volumes(nodes: Array, tetrahedra: Indices32) -> Array:
-    """Return the signed volume of tetrahedra [m^3], shape (e,)."""
+    """Return the signed volume of tetrahedra [m^3], shape (e,).
+
+    Args:
+        nodes: positions of the nodes [m], shape (n, 3).
+        tetrahedra: node indices of each tetrahedron, shape (e, 4).
+    """
     a, b, c, d = (nodes[tetrahedra[:, i]] for i in range(4))
     return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6.0
 
@@ -142,6 +147,9 @@ def boundary_faces(tetrahedra: Indices32) -> Indices32:
     """Return the boundary faces of a mesh, shape (b, 3).
 
     A boundary face belongs to a single tetrahedron. Its corners are counter-clockwise from outside.
+
+    Args:
+        tetrahedra: node indices of each tetrahedron, shape (e, 4).
     """
     faces = tetrahedra[:, FACES].reshape(-1, 3)
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)

@@ -54,7 +54,13 @@ class RestFactor:
             self._eliminate(permuted, ends)
 
     def _couple(self, permuted: csr_array, level: Indices, slots: Indices) -> None:
-        """Store the blocks of the matrix between each level and the next."""
+        """Store the blocks of the matrix between each level and the next.
+
+        Args:
+            permuted: stiffness matrix in the order of the levels, shape (3 n, 3 n).
+            level: index of the level of each degree of freedom, shape (3 n,).
+            slots: position of each degree of freedom in a padded vector, shape (3 n,).
+        """
         permuted.sort_indices()
         entries = permuted.tocoo()
         ahead = level[entries.row] + 1 == level[entries.col]
@@ -63,7 +69,12 @@ class RestFactor:
         self._rows = np.searchsorted(slots[entries.row[ahead]], np.arange(len(self._order) + 1)).astype(np.int64)
 
     def _eliminate(self, permuted: csr_array, ends: Indices) -> None:
-        """Invert the Schur complement of each level."""
+        """Invert the Schur complement of each level.
+
+        Args:
+            permuted: stiffness matrix in the order of the levels, shape (3 n, 3 n).
+            ends: row of `permuted` at which each level begins, and the number of rows, shape (levels + 1,).
+        """
         inverses, self._diagonals = [], np.zeros(len(self._order), np.float32)
         inverse = coupling = None
         for i, start in enumerate(self._starts[:-1]):
@@ -80,7 +91,7 @@ class RestFactor:
         self._inverses = np.concatenate(inverses)
 
     def solve(self, force: Floats32) -> Floats32:
-        """Return K^-1 force, shape (3 n,)."""
+        """Return K^-1 `force`, shape (3 n,)."""
         force, out = np.ascontiguousarray(force, np.float32), np.empty(self.size, np.float32)
         if force.shape != out.shape:
             raise DermisError("forces do not fit the tissue", where="skin", value=force.shape, limit=str(out.shape))

@@ -57,6 +57,9 @@ class RowTable:
         """Return an array that contains given rows, and their positions in it.
 
         The rows are not copied. The positions have the shape (n,).
+
+        Args:
+            index: indices of the rows, shape (n,).
         """
         with self._lock:
             rows = self._added(index)

@@ -159,7 +159,13 @@ def split(trajectory: Indices, share: float = 0.5, seed: int = 0) -> tuple[NDArr
 
 
 def _between(ends: list[Array], rng: np.random.Generator, steps: tuple[int, int]) -> Iterator[Array]:
-    """Yield configurations on straight lines from each of `ends` to the next."""
+    """Yield configurations on straight lines from each of `ends` to the next.
+
+    Args:
+        ends: configurations, each of shape (n,).
+        rng: generator of random numbers.
+        steps: least and largest number of steps on a line.
+    """
     yield ends[0]
     for a, b in pairwise(ends):
         count = int(rng.integers(steps[0], steps[1] + 1))

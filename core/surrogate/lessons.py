@@ -59,6 +59,12 @@ def lessons(
 
     Yields (finished, all) movements and returns the lessons.
 
+    Args:
+        device: the mechanism.
+        contact: contact of the device's disc with the skin.
+        trajectories: number of straight presses; the numbers of other movements are relative to it.
+        seed: seed of the movements and of the choice of test movements.
+
     Raises:
         DermisError: the servo limits exclude contact, or nothing is recorded.
     """

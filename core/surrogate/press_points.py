@@ -97,7 +97,13 @@ def _grouped(skin: SkinModel, pad: SurfaceCompliance) -> PressPoints:
 def _made(
     nodes: NodalForces, unit: SurfaceCompliance, cells: Indices, point: Indices, share: Array
 ) -> dict[str, Array]:
-    """Return the arrays of `PressPoints`, with the compliance at E = 1 Pa."""
+    """Return the arrays of `PressPoints`, with the compliance at E = 1 Pa.
+
+    Args:
+        nodes: map from cells to nodes.
+        unit: compliance of the smooth pad at E = 1 Pa.
+        cells, point, share: see `_parts`.
+    """
     chart, n = unit.chart, int(point.max()) + 1
     positions = np.zeros((n, 3))
     np.add.at(positions, point, share[:, None] * chart.cells.positions[cells])

@@ -141,6 +141,11 @@ def _best_penalty(features: Array, wanted: Array, trajectory: NDArray[np.int64])
 
     Whole movements are left out, because samples of one movement are too similar to test each other. If there are fewer
     than `FOLDS` movements, the result is the middle penalty.
+
+    Args:
+        features: terms of the polynomial without their means, shape (n, terms).
+        wanted: channels without their means, shape (n, c).
+        trajectory: number of the movement of each sample, shape (n,).
     """
     fold = np.unique(trajectory, return_inverse=True)[1] % FOLDS
     if len(np.unique(fold)) < FOLDS:

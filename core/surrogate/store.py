@@ -144,7 +144,9 @@ def adapt(
 def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
     """Write NAME.npz and NAME.onnx and return their paths.
 
-    `path` is either of the two, or NAME.
+    Args:
+        path: one of the two paths, or NAME.
+        surrogate: the surrogate; its network must be a trained one, not one from a file.
 
     Raises:
         DermisError: the network was read from a file, or a file cannot be written.
@@ -167,6 +169,12 @@ def save(path: Path, surrogate: Surrogate) -> tuple[Path, Path]:
 
 def load(path: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Surrogate:
     """Read a surrogate for a skin and device.
+
+    Args:
+        path: one of the two paths, or NAME, see `save`.
+        skin: the skin.
+        device: the device.
+        friction: friction coefficient.
 
     Raises:
         DermisError: a file is missing, damaged or foreign, was made for another skin, device or friction, or its parts

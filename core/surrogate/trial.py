@@ -127,7 +127,14 @@ class TrialForce:
         return active, v
 
     def _fall(self, v: Array, rows: Array, active: Indices, way: Array) -> None:
-        """Reduce the forces in `v` at points that are on the rounded rim."""
+        """Reduce the forces at points that are on the rounded rim, in place.
+
+        Args:
+            v: trial forces and their derivatives in the disc's frame, shape (1 + n, 3, a).
+            rows: rows of the pressed points, shape (12, a).
+            active: indices of the pressed points, shape (a,).
+            way: maps from the rows `_SPRUNG` to the trial forces and to their derivatives, shape (1 + n, 3, 4).
+        """
         sticking = self._sticking.take(active)
         # Positions of the points in the disc's frame, and the disc's velocity at them. A sticking point stays at its
         # anchor on the disc.

@@ -38,8 +38,8 @@ from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSoluti
 from .poses import crossing
 from .press_problem import PressPoints
 
-MAX_STEPS = 10  # Newton steps at one pose
-MAX_ROUNDS = 24  # alternations between contact and the nonlinear law at one pose
+MAX_STEPS = 10  # largest number of Newton steps at one pose
+MAX_ROUNDS = 24  # largest number of alternations between contact and the nonlinear law at one pose
 _UNIT, _NO_LAW = np.eye(3), np.zeros((0, 3, 3))  # `_NO_LAW`: `_Factors.law` if no point slips
 _STICKS, _SLIPS = np.int8(STICK), np.int8(SLIP)
 # The candidates for contact are the points with gaps below NEAR [m]. They are chosen again as soon as the gap of

@@ -53,7 +53,7 @@ class DiscLaw:
         return self._skin.left
 
     def begin(self, state: LawState | None) -> None:
-        """Begin a frame from the state after the last one; None for rest."""
+        """Begin a frame from the state after the last frame; None for rest."""
         if state is None:
             self._skin.reset()
         else:

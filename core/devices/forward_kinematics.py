@@ -25,8 +25,8 @@ TOLERANCE = 1e-13  # step at which the iteration ends
 STEPS = 40  # largest number of steps
 LONGEST = 0.25  # longest step; a longer one could jump over a singular pose
 SHORTEST = 1e-3  # smallest fraction of a step that is tried
-# If the direct iteration fails, the angles are changed from those of the start to the wanted ones in parts. This is the
-# smallest part.
+# If the direct iteration fails, the servo angles are changed in parts, from the angles at the start to the wanted
+# angles. This is the smallest part.
 FINEST = 1 / 256
 
 

@@ -140,8 +140,8 @@ def from_preset(key: str, preset: Mapping[str, Any]) -> DeviceSpec:
         preset: content of the file.
 
     Raises:
-        DermisError: the schema or a unit is unknown; a field is missing or unknown; two channels have one name; a low
-            limit is above the high one; a rest value is outside the limits; or the range disc is not valid, see
+        DermisError: the schema or a unit is unknown; a field is missing or unknown; two channels have the same name; a
+            low limit is above the high limit; a rest value is outside the limits; or the range disc is not valid, see
             `range_disc`.
     """
     where = f"device preset '{key}'"
@@ -210,8 +210,8 @@ def range_disc(spec: DeviceSpec) -> tuple[int, int, float] | None:
         Columns of the two channels in a track, and radius of the range in their unit.
 
     Raises:
-        DermisError: the range disc does not name two channels of the device with one unit, or its radius is not above
-            zero.
+        DermisError: the range disc does not name two channels of the device with the same unit, or its radius is not
+            above zero.
     """
     names, radius = spec.parameters.get("range_disc"), spec.parameters.get("range_disc_radius")
     if names is None and radius is None:

@@ -26,7 +26,7 @@ from .singularity import singularity_margin
 from .spec import DeviceSpec
 
 # Least allowed singularity margin. At this margin an error of a servo's angle turns the platform by 15 times the error.
-# At a margin of zero the platform gives way.
+# At a margin of zero the servos do not hold the platform.
 MIN_MARGIN = 0.03
 # [rad] limit of pitch and roll. If pitch and roll are both beyond the limit, their pose is also that of a pair within
 # the limit, but the singularity margin has the opposite sign. So no value beyond the limit is allowed.

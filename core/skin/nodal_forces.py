@@ -29,7 +29,7 @@ from .row_table import RowTable
 NEAREST = 12  # number of triangles with the nearest centres, among which the triangle of a cell is chosen
 
 Floats = NDArray[np.floating[Any]]
-_ROW = np.dtype([("nodes", np.int64, 3), ("weights", np.float64, (3, 3, 3))])  # one for each cell
+_ROW = np.dtype([("nodes", np.int64, 3), ("weights", np.float64, (3, 3, 3))])  # record of a cell
 
 
 class NodalForces:

@@ -30,7 +30,7 @@ class RestFactor:
     """Factorisation of a stiffness matrix K for products with K^-1.
 
     The nodes are sorted into breadth-first levels, for which K is block tridiagonal. The Schur complement of each level
-    is inverted once. A solve reads one triangle of each inverse twice, in the order of memory, which is ten times as
+    is inverted once. A solve reads one triangle of each inverse twice, in the order of memory. This is ten times as
     fast as a solve with sparse triangular factors.
 
     Args:

@@ -129,8 +129,8 @@ def record(
 def joined(parts: Sequence[Dataset]) -> Dataset:
     """Join datasets.
 
-    The movements are numbered anew, so that no two of them have one number. The coefficient of friction is that of the
-    first dataset.
+    The movements are numbered anew, so that no two movements have the same number. The coefficient of friction is that
+    of the first dataset.
     """
     first = np.cumsum([0, *(part.trajectory.max() + 1 for part in parts)])
     owner = np.concatenate([part.trajectory + at for part, at in zip(parts, first[:-1], strict=True)])

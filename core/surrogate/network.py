@@ -143,7 +143,8 @@ def train(
         a, b = np.split(theta.astype(np.float32), [hidden * p])
         z = s @ a.reshape(hidden, p).T
         z += b
-        # Softplus and its derivative are computed from one exponential and in place: most of the training time is here.
+        # Softplus and its derivative are computed from one exponential and in place, because this takes most of the
+        # training time.
         e = np.exp(-np.abs(z))
         np.log1p(e, out=active[:, :-1])
         active[:, :-1] += np.maximum(z, 0.0)

@@ -1,9 +1,9 @@
 """Training, saving and loading of surrogates.
 
 A surrogate is kept in two files. `NAME.npz` has the descriptors, their error curves and the quadratic ridge.
-`NAME.onnx` has the network, for this product and for others. Both name the skin, device and friction for which they
-were made, and are refused for any other. Files of the first schema are recognised, and must be made again: the inputs
-of their models do not show which nodes touch and which stick.
+`NAME.onnx` has the network, which other programs can use too. Both files name the skin, device and friction for which
+they were made, and are refused for any others. Files of the first schema are recognised, and must be made again: the
+inputs of their models do not show which nodes touch and which stick.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """TrialForce: Coulomb's law at each point of the skin alone.
 
 A learned model of contact needs to know which points touch and which stick. Trial forces show this without a solution
-of the contact. They follow from the new pose and from the forces, displacements and anchors of the last step. Each is
-one step of the iteration that solves contact, with the compliance of its point alone, as if each point were on a spring
-of its own. The derivative of trial forces with respect to the configuration is exact, except at a point that begins to
-touch or to slip.
+of the contact. They follow from the new pose and from the forces, displacements and anchors of the last step. They are
+the result of one step of the iteration that solves contact. In this step each point has its compliance alone, as if it
+were on a spring of its own. The derivative of trial forces with respect to the configuration is exact, except at a
+point that begins to touch or to slip.
 
 Source: [S0] 4.2 (friction state as input); Alart and Curnier 1991 for the law.
 """

@@ -160,7 +160,7 @@ class DiscSolution:
         slope: derivative of the forces with respect to the configuration, shape (s, 3, n).
         status: OPEN, STICK or SLIP, shape (s,).
         residual: |f - P(f - r w)|, divided by the larger of |f| and |P(f - r w)|, with Coulomb's projection P and the
-            weight r of displacements.
+            weight r of displacements. For forces of the fallback it is that of `contact.solver.solve.Solution`.
         iterations: number of Newton steps, plus that of iterations of the fallback.
         method: 'none' (nothing touches), 'newton', or 'fallback' if Newton's method did not converge.
         amounts: correction c of nonlinear skin at the pad nodes [m], see `Stimulus.given`, shape (3 m,); None if the

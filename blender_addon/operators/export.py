@@ -58,7 +58,7 @@ class DERMIS_OT_export_tracks(Checked, Folder, bpy.types.Operator):
         result = cast(store.Result, store.current(scene))
         if not folder.is_absolute():
             raise DermisError(
-                "the path is the path is the path is the path is relative to a file that was never saved",
+                "the path is relative to a file that was never saved",
                 where="output folder",
                 value=str(folder),
                 remedy="Save the file, or choose another folder",

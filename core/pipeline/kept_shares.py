@@ -1,8 +1,10 @@
-"""Results of fingers in earlier bakes, kept so that a bake renders only fingers whose inputs have changed.
+"""KeptShares: results of fingers from earlier bakes, for reuse.
 
-A finger is known by all that its skin and the devices which follow it could be rendered from: its own header and path,
-objects that may be held with it, every object that ever comes near it, the presets, and the files and tables that they
-name. What stays away from it is no part of that: it may move and change.
+A bake renders only fingers whose inputs have changed. Results are stored for lots of fingers, see `shares_of`. The key
+of a lot is a hash of all inputs of its skins and of the devices that follow these skins: headers and paths of the
+fingers; objects that the fingers may hold, or that ever come near them; presets; files that the settings of the devices
+name; and the presence of tables of the skin. An object that stays away from a finger may move and change, and the key
+of the finger stays the same.
 """
 
 from __future__ import annotations
@@ -32,20 +34,26 @@ if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
     from ..skin.model import SkinModel
 
-LIMIT_BYTES, MOST = 300_000_000, 24  # each share holds its fingers' skins besides
-# Skin is looked for within this multiple of the pad's size, from its centre, and a way [m]: more than any contact does.
+# [bytes] default limit of the arrays of all shares together; largest number of shares. The number is limited, because
+# shares also refer to skin models, whose size is not counted.
+LIMIT_BYTES, MOST = 300_000_000, 24
+# A body is near a finger if its bounding box is at most REACH times the radius of the pad, plus MARGIN [m], from the
+# finger's origin. Contact never reaches as far.
 REACH, MARGIN = 2.0, 2.5e-3
-ALL = ("frames/", "times/")  # of the series, whose samples they are
+ALL = ("frames/", "times/")  # prefixes of the series that are inputs of every finger
 
 
 class KeptShares:
-    """Shares of bakes by their inputs, so many at most; those not used for longest make room.
+    """Shares of earlier bakes by their key, at most `MOST` of them.
+
+    A new share replaces the shares that have been unused for longest.
 
     Args:
-        limit_bytes: largest size of all shares together. A larger one is not stored.
+        limit_bytes: largest size of all shares together [bytes]. A single larger share is not stored.
 
     Attributes:
-        found: how many shares were taken from here. made: how many were rendered and put here.
+        found: number of shares that `get` has returned.
+        made: number of shares that were passed to `put`.
     """
 
     def __init__(self, limit_bytes: int = LIMIT_BYTES) -> None:
@@ -58,11 +66,11 @@ class KeptShares:
 
     @property
     def size(self) -> int:
-        """How many bytes are kept."""
+        """Size of the arrays of all stored shares [bytes]."""
         return sum(size for _, size in self._shares.values())
 
     def get(self, key: str) -> Share | None:
-        """Return the share of a key, None where it is not kept."""
+        """Return the share of a key; None if it is not stored."""
         if key not in self._shares:
             return None
         self._shares[key] = self._shares.pop(key)
@@ -70,7 +78,7 @@ class KeptShares:
         return self._shares[key][0]
 
     def put(self, key: str, share: Share) -> None:
-        """Keep a share, in place of those that were not used for longest."""
+        """Store a share; shares unused for longest make room for it."""
         self.made += 1
         size = size_of(share)
         self._shares.pop(key, None)
@@ -81,12 +89,12 @@ class KeptShares:
         self._shares[key] = (share, size)
 
     def clear(self) -> None:
-        """Forget all of them."""
+        """Drop all shares."""
         self._shares.clear()
 
 
 def size_of(share: Share) -> int:
-    """Return how many bytes the arrays of a share have."""
+    """Return the size of a share's arrays [bytes]."""
     outputs = [made.output for devices in share.driven.values() for made in devices if made.output is not None]
     arrays = [series for o in outputs for series in (o.track.times, o.track.values, *o.signals.values())]
     felt = sum(touch.nbytes for touch in share.felt.values())
@@ -101,11 +109,15 @@ def keys_of(
     models: Mapping[int, SkinModel],
     library: Library,
 ) -> dict[tuple[int, ...], str]:
-    """Return the key of each lot of fingers, see `lots_of`.
+    """Return the key of each lot of fingers.
 
     Args:
+        scene: the scene's header.
         chunks: chunks of the whole scene.
-        models: skin models of the fingers whose skin is simulated.
+        pad_contact: contact of the pads over the whole scene.
+        lots: indices of the fingers of each lot, see `lots_of`.
+        models: skin models of the fingers whose skin is simulated, by the index of the finger.
+        library: the presets.
     """
     whole = header(scene)
     near = _near(scene, chunks, pad_contact, models)
@@ -133,7 +145,8 @@ def _key(
         "version": made_by(),
         "scene": {name: value for name, value in whole.items() if name not in ("fingers", "bodies", "screens")},
         "counts": [len(scene.fingers), len(scene.bodies)],
-        "reach": [finger.parameters.get("touch_distance") for finger in scene.fingers],  # the longest is everyone's
+        # The longest touch distance determines the search radius of every finger.
+        "reach": [finger.parameters.get("touch_distance") for finger in scene.fingers],
         "fingers": {f: whole["fingers"][f] for f in lot},
         "bodies": {b: whole["bodies"][b] for b in bodies},
         "series": own,
@@ -147,9 +160,10 @@ def _key(
 def _near(
     scene: TactileScene, chunks: Sequence[Chunk], pad_contact: PadContact, models: Mapping[int, SkinModel]
 ) -> dict[int, set[int]]:
-    """Return the bodies that ever come near each finger, with the bodies that they contain, by bounding boxes.
+    """Return the bodies that ever come near each finger, and their content.
 
-    Objects that may be held are found by the touch of pads, which looks farther.
+    Bodies near a skin are found by their bounding boxes, see `REACH`. Bodies that may be held are near a finger if they
+    come within the search radius of its pad.
     """
     near: dict[int, set[int]] = {f: set() for f in range(len(scene.fingers))}
     for f, b in pad_contact.pairs:
@@ -178,9 +192,9 @@ def _near(
 
 
 def _series(scene: TactileScene, chunks: Sequence[Chunk]) -> dict[str, str]:
-    """Return a hash of each thing's path, surface and animated parameters, by names that begin as in `Chunk.animated`.
+    """Return hashes of all paths, surfaces and animated parameters, by name.
 
-    Cutting the scene into other chunks changes nothing.
+    The names begin as those of `Chunk.animated`. The hashes do not depend on the division of the scene into chunks.
     """
     found: dict[str, Any] = {}
 
@@ -213,12 +227,15 @@ def _series(scene: TactileScene, chunks: Sequence[Chunk]) -> dict[str, str]:
 
 
 def _skin(model: SkinModel) -> list[Any]:
-    """Return what of a skin depends on tables that may be there or not; else it is as the scene says."""
+    """Return the properties of a skin that the presence of tables decides."""
     return [model.tissue, smooth_pad(model) is not None]
 
 
 def device_sources(use: DeviceUse, library: Library) -> list[Any]:
-    """Return the inputs of a device besides the scene: its preset, and the files that its settings name."""
+    """Return the inputs of a device that are not in the scene.
+
+    They are the hash of its preset (or the error of reading it), and the stamps of the files that its settings name.
+    """
     try:
         preset = library.device(use.preset).hash
     except DermisError as error:
@@ -227,12 +244,16 @@ def device_sources(use: DeviceUse, library: Library) -> list[Any]:
 
 
 def _stamps(value: str) -> list[tuple[str, int, int]]:
-    """Return name, size and time of all files whose names begin with a text, or that lie in the folder it names."""
+    """Return path, size and modification time [ns] of the files of a setting.
+
+    If the setting is the path of a folder, these are all files in the folder and its subfolders. Otherwise they are the
+    files whose paths begin with the setting. A setting without a slash names no files.
+    """
     if "/" not in value and "\\" not in value:
         return []
     path = Path(value)
     files = path.rglob("*") if path.is_dir() else path.parent.glob(f"{glob.escape(path.name)}*")
     try:
         return sorted((str(file), file.stat().st_size, file.stat().st_mtime_ns) for file in files if file.is_file())
-    except OSError:  # a file that goes meanwhile
+    except OSError:  # A file was deleted meanwhile. The time makes the key differ from all stored keys.
         return [(value, -1, time.time_ns())]

@@ -1,4 +1,7 @@
-"""One share of a bake: some fingers' skins and the devices that follow them, and its way between two processes."""
+"""Share: results of some fingers' skins and of the devices on them.
+
+A share can be rendered as a job in another process.
+"""
 
 from __future__ import annotations
 
@@ -36,8 +39,10 @@ class Share:
     """Results of some fingers.
 
     Attributes:
-        felt: by finger index. driven: results of the devices that follow its skin, in the scene's order; their
-            tracks do not know the hash of the whole scene yet. seconds: run time by stage.
+        felt: contact of the skins, by the index of the finger.
+        driven: results of the devices that follow the skin, in the scene's order, by the index of the finger. Their
+            tracks do not have the hash of the whole scene yet.
+        seconds: run time of each stage [s].
     """
 
     felt: Mapping[int, SkinContact]
@@ -45,19 +50,25 @@ class Share:
     seconds: Mapping[str, float]
 
     def packed(self) -> Share:
-        """Return the same with states of skin in a tenth of the memory."""
+        """Return the same share with its states of skin in a tenth of the memory."""
         return replace(self, felt={f: touch.packed() for f, touch in self.felt.items()})
 
 
 def render_share(
     scene: TactileScene, library: Library, fingers: Sequence[int], cache: Cache | None, beside: Sequence[int] = ()
 ) -> Generator[Progress, None, Share]:
-    """Render the skins of some fingers, and the devices that follow them; yield progress.
+    """Render the skins of some fingers and the devices that follow them.
+
+    The generator yields progress.
 
     Args:
-        beside: fingers that may hold something together with these, and whose skin is not simulated.
+        scene: the scene.
+        library: the presets.
+        fingers: indices of the fingers.
+        cache: cache of condensed skins; None to condense them here.
+        beside: indices of fingers without simulated skin that may hold an object together with `fingers`.
     """
-    clock, told = Stages(), list[Finding]()  # who shares the work out says the same of the whole scene
+    clock, told = Stages(), list[Finding]()  # findings are dropped: the caller has them for the whole scene
     models = yield from skin_models(scene, fingers, library, cache, clock, told)
     pad_contact, felt = yield from touched(scene, iter(scene.chunks), models, clock, fingers={*models, *beside})
     return Share(felt, (yield from driven_by(scene, library, pad_contact, felt, clock)), clock.seconds)
@@ -66,8 +77,14 @@ def render_share(
 def driven_by(
     scene: TactileScene, library: Library, pad_contact: PadContact, felt: Mapping[int, SkinContact], clock: Stages
 ) -> Generator[Progress, None, dict[int, list[Driven]]]:
-    """Render the devices that follow some fingers' skins; their tracks do not know the hash of the whole scene yet."""
-    told: list[Finding] = []  # who renders the whole scene says the same
+    """Render the devices that follow some fingers' skins; yield progress.
+
+    The tracks do not have the hash of the whole scene yet.
+
+    Returns:
+        Results of the devices in the scene's order, by the index of the finger.
+    """
+    told: list[Finding] = []  # findings are dropped: `render` has them for the whole scene
     uses = [(f, use, spec) for f, use, spec in usable(scene, library, told) if f in felt and spec.follows_skin]
     made: dict[int, list[Driven]] = {f: [] for f in felt}
     for step, (f, use, spec) in enumerate(uses):
@@ -80,7 +97,7 @@ def driven_by(
 def asked(
     scene: Path, library: Library, cache: Cache | None, fingers: Sequence[int], beside: Sequence[int]
 ) -> dict[str, Any]:
-    """Return the parameters of `work`."""
+    """Return the parameters of the job 'share', see `work`."""
     return {
         "scene": str(scene),
         "presets": [str(folder) for folder in library.folders],
@@ -91,10 +108,18 @@ def asked(
 
 
 def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Report) -> dict[str, NDArray[Any]]:
-    """Render one share of a scene's file, as a job; see `asked`.
+    """Render one share of the scene in a file, as the job 'share'.
+
+    Args:
+        _arrays: none.
+        parameters: see `asked`.
+        report: function that receives the progress.
+
+    Returns:
+        The share as arrays, see `arrays_of`.
 
     Raises:
-        DermisError: a file that cannot be read, or what `render` refuses.
+        DermisError: the file cannot be read, or see `render_share`.
     """
     scene = scene_file.load(Path(parameters["scene"]))
     built_in, *own = (Path(folder) for folder in parameters["presets"])
@@ -109,19 +134,22 @@ def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], rep
 
 
 def size_of(samples: int) -> int:
-    """Return the size of a share of so many samples, for progress: contact and devices take about as long."""
+    """Return the total of a share's progress.
+
+    Contact and devices take about the same time, so each of the two counts as one step per sample.
+    """
     return 2 * samples
 
 
 def done_of(step: Progress, samples: int) -> int:
-    """Return how much of that is done at a step; 0 where that does not tell."""
+    """Return how much of `size_of` is done; 0 for stages that do not count."""
     if step.stage in ("sampling", "skin contact"):
         return min(step.done, samples)
     return samples + samples * step.done // max(1, step.total) if step.stage == "devices" else 0
 
 
 def arrays_of(share: Share) -> dict[str, NDArray[Any]]:
-    """Return a share as arrays, to be read by `made_of`."""
+    """Return a share as arrays, from which `made_of` restores it."""
     from ..contact import skin_arrays
 
     arrays: dict[str, NDArray[Any]] = {}
@@ -139,7 +167,7 @@ def arrays_of(share: Share) -> dict[str, NDArray[Any]]:
 def made_of(
     arrays: Mapping[str, NDArray[Any]], scene: TactileScene, models: Mapping[int, SkinModel], library: Library
 ) -> Share:
-    """Return the share that `arrays_of` made arrays of."""
+    """Restore a share from the result of `arrays_of`."""
     from ..contact import skin_arrays
 
     head = json.loads(arrays["head"].tobytes())
@@ -191,7 +219,7 @@ def _spec(device: str, source: Mapping[str, Any], library: Library) -> DeviceSpe
 
 
 def plain_findings(findings: Sequence[Finding]) -> list[dict[str, Any]]:
-    """Return findings as values that JSON holds; others as they are told."""
+    """Return findings as dictionaries for JSON; other values become text."""
     entries = [finding.as_dict() for finding in findings]
     for entry in entries:
         if not isinstance(entry["value"], str | int | float | bool | None):

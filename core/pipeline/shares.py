@@ -1,7 +1,8 @@
-"""Shares of a bake: fingers that hold nothing together are independent, so processes of their own may render them.
+"""Shares of a bake, which other processes may render.
 
-Every process runs the same wheels with one BLAS thread and is given the same samples, so the bytes are those of one
-process; with other wheels or on another processor results agree to some 1e-6.
+Fingers that hold no object together are independent of each other, so they may be in different shares. Every process
+runs the same wheels with one BLAS thread, and gets the same samples. Its results are therefore the same to the byte as
+those of a single process. With other wheels or on another processor, the results agree to some 1e-6.
 """
 
 from __future__ import annotations
@@ -34,18 +35,24 @@ if TYPE_CHECKING:
     from ..skin.model import SkinModel
     from ..work.executor import JobExecutor, JobFuture
 
-# Samples of a finger in reach of something that must be saved: a process takes as long to begin as some 150.
+# [samples] Other processes render the shares only if they save at least this many samples with an object near a finger.
+# The start of a process takes as long as some 150 such samples.
 SAVED = 300
-LOOK = 0.02  # seconds between two looks at running processes
-# Of so few processes this one is one, for a scene of so many samples: to begin another takes a third of a second. Of
-# more, or for longer, it is left to its window: the devices of a finger are a step that nothing interrupts.
+LOOK = 0.02  # [s] longest interval between two queries of the running jobs
+# [workers], [samples] With at most FEW workers and at most SHORT samples, this process renders shares in place of one
+# worker, because the start of a worker takes a third of a second. Otherwise this process only waits, so that its window
+# responds: the rendering of a device is a step that cannot be interrupted.
 FEW, SHORT = 2, 1200
 
 
 class Touched(NamedTuple):
-    """Contact over a scene: of the pads and of the skins, with results of the devices that follow these, by finger.
+    """Contact of the pads and the skins over a scene, and results of devices.
 
-    `unchanged` says how many fingers are as an earlier bake had them.
+    Attributes:
+        pad_contact: contact of the pads.
+        felt: contact of the skins, by the index of the finger.
+        ready: results of the devices that follow the skin, in the scene's order, by the index of the finger.
+        unchanged: number of fingers whose results are those of an earlier bake.
     """
 
     pad_contact: PadContact
@@ -64,13 +71,23 @@ def touched_in_shares(
     executor: JobExecutor | None,
     before: KeptShares | None = None,
 ) -> Generator[Progress, None, Touched]:
-    """Return contact of the pads, of the skins, and results of the devices that follow these, by finger.
+    """Compute the contact of pads and skins, and render devices, in shares.
 
-    Shares that nothing has changed for are taken from earlier bakes. Others are rendered by other processes where that
-    saves time, else here.
+    Shares with unchanged inputs are taken from earlier bakes. The other shares are rendered by other processes if that
+    saves time, else by this process.
+
+    Args:
+        scene: the scene's header.
+        chunks: chunks of the scene.
+        models: skin models of the fingers whose skin is simulated, by the index of the finger.
+        library: the presets.
+        cache: cache of condensed skins, for the other processes.
+        clock: run times.
+        executor: executor of the other processes; None if this process renders all shares.
+        before: shares of earlier bakes; new shares are added. None to render all shares.
 
     Raises:
-        DermisError: refused by a process.
+        DermisError: another process refused its share.
     """
     kept: list[Chunk] = []
     pad_contact, _ = yield from touched(scene, chunks, {}, clock, kept)
@@ -109,7 +126,10 @@ def _rendered_here(
     pad_contact: PadContact,
     clock: Stages,
 ) -> Generator[Progress, None, list[Share]]:
-    """Render shares one beside the other in this process, whose clock goes on."""
+    """Render shares in this process, all skins together, chunk by chunk.
+
+    The run times are added to `clock`, so the shares have none.
+    """
     wanted = {f: models[f] for f in sorted(f for lot in lots for f in lot) if f in models}
     felt = yield from felt_by(scene, scene.chunks, wanted, pad_contact, clock)
     driven = yield from driven_by(scene, library, pad_contact, felt, clock)
@@ -117,12 +137,15 @@ def _rendered_here(
 
 
 def shares_of(scene: TactileScene, pad_contact: PadContact, skins: Collection[int]) -> dict[tuple[int, ...], int]:
-    """Return which fingers go together, and in how many samples each lot is in reach of something; most comes first.
+    """Return the load of each lot of fingers, in falling order of load.
 
-    Those that ever come near the same thing, if it may be held, stay together: they balance it.
+    Fingers that ever come near the same object are in one lot if the object may be held, because they balance it
+    together. The load is the number of samples with an object near a finger, added up over the lot's simulated fingers.
 
     Args:
-        skins: fingers whose skin is simulated. Others are in a lot where they may hold something with one of these.
+        scene: the scene's header.
+        pad_contact: contact of the pads over the scene.
+        skins: fingers whose skin is simulated. Every lot has at least one of them.
     """
     from ..contact.held_body import can_be_held, lots_of
 
@@ -137,7 +160,12 @@ def shares_of(scene: TactileScene, pad_contact: PadContact, skins: Collection[in
 
 
 def saved(shares: Mapping[tuple[int, ...], int], workers: int) -> int:
-    """Return by how many samples several processes are done earlier than one, each taking the next share."""
+    """Return how many samples earlier several workers are done than one.
+
+    Args:
+        shares: load of each share [samples]. A worker takes the next share when it is free.
+        workers: number of workers.
+    """
     busy = [0] * workers
     for load in shares.values():
         busy[busy.index(min(busy))] += load
@@ -154,13 +182,19 @@ def _rendered(
     pad_contact: PadContact,
     clock: Stages,
 ) -> Generator[Progress, None, list[Share]]:
-    """Let the shares be rendered, one after the other here where there are few to do it; leaving early ends them."""
+    """Let other processes render shares.
+
+    This process renders some of the shares, too, if `FEW` and `SHORT` allow it.
+
+    Closing the generator early ends the jobs.
+    """
     with tempfile.TemporaryDirectory(prefix="dermis-shares-", ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.npz"
         scene_file.save(scene, path)
-        jobs: dict[JobFuture, int] = {}  # those under way, and which share each is
+        jobs: dict[JobFuture, int] = {}  # running jobs, and the index of each job's share
         try:
-            ended = threading.Event()  # `wait` sets all of them up anew for every look, a thirtieth of a processor
+            # An event, because `concurrent.futures.wait` is set up again at every query: a thirtieth of a processor.
+            ended = threading.Event()
             parts = [([f for f in lot if f in models], [f for f in lot if f not in models]) for lot in shares]
             told, each, made = [0] * len(parts), size_of(scene.sample_count), dict[int, Share]()
             others = executor.workers - (executor.workers <= FEW and scene.sample_count <= SHORT)
@@ -186,12 +220,12 @@ def _rendered(
                 for job, k in jobs.items():
                     told[k] = max(told[k], job.progress()[0], each * job.done())
                 yield Progress("fingers", sum(told), max(1, each * len(told)))
-                for job in [job for job in jobs if job.done()]:  # packed while others go on, and then let go
+                for job in [job for job in jobs if job.done()]:  # results are packed while other jobs run
                     k = jobs.pop(job)
                     if job.exception() is None:
                         made[k] = made_of(job.result(), scene, models, library).packed()
             for k in range(len(parts)):
-                if k not in made:  # its process died: its work is done here
+                if k not in made:  # The process of this share has died, so the share is rendered here.
                     made[k] = yield from render_share(scene, library, parts[k][0], cache, parts[k][1])
             return [made[k] for k in range(len(parts))]
         finally:

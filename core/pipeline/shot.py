@@ -1,4 +1,7 @@
-"""One sampled scene to the files of its tracks: in this process, or as a job whose files come back as bytes."""
+"""render_shot: from a sampled scene to the files of its tracks.
+
+It runs in this process, or as the job 'shot', which returns the files as bytes.
+"""
 
 from __future__ import annotations
 
@@ -33,12 +36,19 @@ if TYPE_CHECKING:
     from ..work.executor import JobExecutor
 
 
-SKIN_BYTES = 1 << 30  # that a worker keeps of skins: some seventy of the standard mesh
+SKIN_BYTES = 1 << 30  # [bytes] limit of a worker's cache of skins: some seventy skins with the standard mesh
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """Options of a shot's files: pictures, maps of touch screens, other formats, and those in spite of errors."""
+    """Options of a shot's files.
+
+    Attributes:
+        plots: whether each track has a PNG plot.
+        maps: whether maps of touch screens are written.
+        formats: formats of the tracks beside CSV, see `FORMATS`.
+        force: whether tracks with errors are written in these formats, too.
+    """
 
     plots: bool = False
     maps: bool = False
@@ -77,7 +87,8 @@ def render_shot(
     """Render a scene and write its files into a folder; yield progress.
 
     Raises:
-        DermisError: see `render` and `export`; where there is nothing to export, with the findings.
+        DermisError: see `render`, `export` and `export_screen_maps`, or a format is not known. The value of an error of
+            `export` is the text of the bake's findings, if there are any.
     """
     bake = yield from render(scene, library, cache=cache, executor=executor)
     try:
@@ -95,7 +106,17 @@ def render_shot(
 
 
 def _write_formats(bake: Bake, folder: Path, wanted: Wanted, paths: list[Path]) -> tuple[list[Finding], list[str]]:
-    """Write tracks in other formats; return the findings of their checks, and the tracks that were refused."""
+    """Write the tracks in other formats.
+
+    Args:
+        bake: the tracks.
+        folder: folder of the files.
+        wanted: options.
+        paths: list to which the written paths are appended.
+
+    Returns:
+        Findings of the checks, and one line for each refused track.
+    """
     told: list[Finding] = []
     refused, names = [], FileNames()
     for form in dict.fromkeys(wanted.formats):
@@ -104,24 +125,26 @@ def _write_formats(bake: Bake, folder: Path, wanted: Wanted, paths: list[Path]) 
             try:
                 told += write(output.track, path, form, force=wanted.force)
                 paths.append(path)
-            except DermisError as error:  # one finger's track does not take the others down
+            except DermisError as error:  # a refused track does not stop the other tracks
                 refused.append(f"{output.finger}, {output.device}, {form}: {error}")
     return told, refused
 
 
 def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], report: Report) -> dict[str, NDArray[Any]]:
-    """Render a shot: the job 'shot'.
+    """Render a shot, as the job 'shot'.
 
     Args:
-        arrays: 'scene' (the file's bytes) where there is no path; 'skins/KEY' (files of a cache), if any.
-        parameters: 'scene' (a path, or '' where its bytes came), 'name' (of the scene, for errors), 'presets' (a
-            person's own: path in the folder -> text), 'wanted' (see `Wanted`), 'cache' (folder and bytes), if any.
+        arrays: 'scene' (bytes of its file) if `parameters` has no path; 'skins/KEY' (files of a cache), if any.
+        parameters: 'scene' (path of its file, or '' if `arrays` has the bytes), 'name' (name of the scene in errors),
+            'presets' (texts of the user's own presets, see `presets_of`), 'wanted' (fields of `Wanted`), 'cache'
+            (folder, and limit in bytes), if any.
+        report: function that receives the progress.
 
     Returns:
-        'head' (JSON) and the files' bytes, by their numbers.
+        'head' (JSON), and the bytes of each file under its index in `Shot.names` ('0', '1', ...).
 
     Raises:
-        DermisError: see `render_shot`.
+        DermisError: see `opened_shot` and `render_shot`, or the scene's file cannot be read.
     """
     wanted = Wanted(**{**parameters["wanted"], "formats": tuple(parameters["wanted"]["formats"])})
     with opened_shot(arrays, parameters) as given:
@@ -140,7 +163,14 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
 
 @dataclass(frozen=True)
 class Given:
-    """Inputs of a job for a scene: the scene's file, presets, skins, and a folder of its own to write to."""
+    """Inputs of a job on one scene.
+
+    Attributes:
+        scene: path of the scene's file.
+        library: the presets.
+        cache: cache of condensed skins; None if the job has none.
+        scratch: temporary folder for the results.
+    """
 
     scene: Path
     library: Library
@@ -150,7 +180,14 @@ class Given:
 
 @contextmanager
 def opened_shot(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any]) -> Iterator[Given]:
-    """Give a job its scene, as `work` is given it; refusals inside the block name it as whoever asked does."""
+    """Provide the inputs of a job on one scene from the arguments of `work`.
+
+    The end of the block removes temporary files. An error from the block has the scene's name in place of the paths of
+    the scene's file and of the temporary folder.
+
+    Raises:
+        DermisError: see `library_in`.
+    """
     with tempfile.TemporaryDirectory(prefix="dermis-shot-", ignore_cleanup_errors=True) as home:
         place, scratch, name = Path(str(parameters["scene"])), Path(home, "out"), str(parameters["name"])
         try:
@@ -165,7 +202,10 @@ def opened_shot(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any
 
 
 def shot_of(arrays: Mapping[str, NDArray[Any]]) -> tuple[Shot, list[bytes]]:
-    """Return the results of the job 'shot': the shot, and the bytes of its files in the order of their names."""
+    """Return the shot from the result of the job 'shot', and its files.
+
+    The bytes of the files are in the order of `Shot.names`.
+    """
     head = json.loads(bytes_of(arrays["head"]))
     made = Shot(
         tuple(head["names"]),
@@ -178,10 +218,12 @@ def shot_of(arrays: Mapping[str, NDArray[Any]]) -> tuple[Shot, list[bytes]]:
 
 
 def presets_of(library: Library) -> dict[str, str]:
-    """Return a person's own presets as texts, by path in their folder, to travel to where that folder is not.
+    """Return the texts of the user's own presets, by path in their folder.
+
+    A process that cannot read this folder makes its library from these texts, see `library_in`.
 
     Raises:
-        DermisError: one cannot be read.
+        DermisError: a preset cannot be read.
     """
     texts: dict[str, str] = {}
     for folder in library.folders[1:]:
@@ -191,7 +233,15 @@ def presets_of(library: Library) -> dict[str, str]:
 
 
 def library_in(folder: Path, texts: Mapping[str, str]) -> Library:
-    """Return the presets that ship, and a person's own that travelled as texts."""
+    """Return the library of the shipped presets and of the user's own presets.
+
+    Args:
+        folder: folder to which the user's presets are written.
+        texts: texts of the user's presets by path, see `presets_of`.
+
+    Raises:
+        DermisError: a path is not that of a preset, or the folder cannot be written.
+    """
     for name, text in texts.items():
         group, _, file = str(name).partition("/")
         if group not in SCHEMAS or not file.endswith(".json") or Path(file).name != file:
@@ -201,7 +251,10 @@ def library_in(folder: Path, texts: Mapping[str, str]) -> Library:
 
 
 def _cache(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any]) -> Cache | None:
-    """Return where condensed skins are: in a folder that this process sees, or among the arrays."""
+    """Return the cache of condensed skins; None if the job has none.
+
+    The cache is a folder that this process can read, or it is filled with the skins among the arrays.
+    """
     if "cache" in parameters:
         folder, limit = parameters["cache"]
         return Cache(Path(str(folder)), int(limit))
@@ -221,5 +274,8 @@ def _put(data: bytes, path: Path) -> None:
 
 @functools.cache
 def _home() -> tempfile.TemporaryDirectory[str]:
-    """Return where skins that came as arrays lie as long as this process runs: the next shot has the same ones."""
+    """Return the folder of the skins that came as arrays.
+
+    It exists as long as the process, because the next shot usually needs the same skins.
+    """
     return tempfile.TemporaryDirectory(prefix="dermis-skins-", ignore_cleanup_errors=True)

@@ -1,4 +1,4 @@
-"""Height images read without Blender: PNG, TIFF, netpbm, PFM and NPY."""
+"""Images of heights, read without Blender: PNG, TIFF, netpbm, PFM and NPY."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ _OTHERS = {
 
 
 def read(path: str | Path) -> Raster:
-    """Read one image, whatever its suffix says: the first bytes decide.
+    """Read one image; its first bytes determine the format, not its suffix.
 
     Raises:
-        DermisError: missing, empty, 0 x 0, damaged, or of a kind that is not read here.
+        DermisError: the file is missing, empty or damaged, has 0 x 0 pixels, or has a format that is not read here.
     """
     path = Path(path)
     where = f"image '{path.name}'"
@@ -56,12 +56,13 @@ def read(path: str | Path) -> Raster:
 
 
 def sequence(path: str | Path) -> tuple[Path, ...]:
-    """Return the numbered files from `path` on, in order; only itself where its name ends in no digit.
+    """Return the numbered files of an image sequence from `path` on, in order.
 
-    The named file is the first. The sequence ends at the first number that is missing, see `gap_after`.
+    The number is the digits at the end of the file's name. Without such digits, only `path` itself is returned. The
+    sequence ends before the first missing number, see `gap_after`.
 
     Raises:
-        DermisError: the file does not exist.
+        DermisError: the file does not exist, or its folder cannot be read.
     """
     path = Path(path)
     first, found = _numbered(path)
@@ -72,10 +73,10 @@ def sequence(path: str | Path) -> tuple[Path, ...]:
 
 
 def gap_after(path: str | Path) -> Finding | None:
-    """Return findings where numbers are missing behind `path` and files go on after them.
+    """Return a finding if the sequence from `path` on has files after a gap.
 
     Raises:
-        DermisError: the file does not exist.
+        DermisError: the file does not exist, or its folder cannot be read.
     """
     path = Path(path)
     first, found = _numbered(path)
@@ -95,7 +96,11 @@ def gap_after(path: str | Path) -> Finding | None:
 
 
 def _numbered(path: Path) -> tuple[int, dict[int, Path]]:
-    """Return a file's number, and the files of its folder that differ from it in nothing but the number."""
+    """Return a file's number, and all files that differ only in the number.
+
+    Raises:
+        DermisError: the file does not exist, or its folder cannot be read.
+    """
     if not os.path.isfile(path):
         raise DermisError("no such image", where=f"image '{path.name}'", value=str(path))
     match = re.fullmatch(r"(.*?)(\d+)", path.stem)
@@ -103,7 +108,7 @@ def _numbered(path: Path) -> tuple[int, dict[int, Path]]:
         return 0, {0: path}
     prefix, digits = match.group(1), match.group(2)
     pattern = re.compile(re.escape(prefix) + r"(\d+)" + re.escape(path.suffix))
-    # Numbers padded with zeros are all of one length, others have none in front.
+    # If this number is padded with zeros, the numbers of the other files must have as many digits.
     padded = digits.startswith("0")
     found = {int(digits): path}
     with damage_told("the folder of the image sequence cannot be read", f"image '{path.name}'"):

@@ -1,4 +1,4 @@
-"""PGM and PPM (plain and raw, 8 and 16 bit) and PFM, the simplest images there are."""
+"""PGM and PPM images (plain and raw, 8 and 16 bit) and PFM images."""
 
 from __future__ import annotations
 
@@ -11,17 +11,20 @@ from numpy.typing import NDArray
 from ..errors import DermisError
 from .raster import Raster, checked_size, grey_of
 
-_FIELD = re.compile(rb"(?:\s|#[^\n]*\n)*+([^\s#]\S*)")  # after white space and comments
+_FIELD = re.compile(rb"(?:\s|#[^\n]*\n)*+([^\s#]\S*)")  # a field of the header, after white space and comments
 _SPACE = re.compile(rb"\s")
-_AT_ONCE = 1 << 20  # bytes of plain numbers
-_NEXT = re.compile(rb"\s*+(P[1-7fF]\s|\Z)")  # a file may hold several images, or end in white space
+_AT_ONCE = 1 << 20  # [bytes] text of plain numbers that is split at a time
+_NEXT = re.compile(rb"\s*+(P[1-7fF]\s|\Z)")  # allowed after the last pixel: another image, or the end of the file
 
 
 def decode(data: bytes, where: str) -> Raster:
-    """Read P2, P3, P5, P6 (16 bit is big-endian, as the format says), Pf and PF (either byte order).
+    """Read a P2, P3, P5, P6, Pf or PF image.
+
+    As the formats define, 16-bit pixels are big-endian, and floating-point pixels have either byte order.
 
     Raises:
-        DermisError: a malformed header, missing pixels, or a value above the declared maximum.
+        DermisError: the header is malformed, pixels are missing, a pixel exceeds the declared maximum, or the file
+            continues after the last pixel.
     """
     kind = data[:2].decode()
     fields, start = _header(data, where)
@@ -32,7 +35,7 @@ def decode(data: bytes, where: str) -> Raster:
     if kind in ("Pf", "PF"):
         pixels = _floats(data, start, fields[2], count, where).reshape(rows, columns, channels)
         grey, findings = grey_of(pixels, where)
-        # PFM alone stores its bottom row first, which is our order already.
+        # Only PFM stores the bottom row first. This is also the order of `Raster`, so the rows are not flipped.
         return Raster(grey, np.zeros(grey.shape, bool), 0, findings)
     most = _whole(fields[2], where)
     if not 1 <= most <= 65535:
@@ -47,7 +50,10 @@ def decode(data: bytes, where: str) -> Raster:
 
 
 def _header(data: bytes, where: str) -> tuple[list[bytes], int]:
-    """Return the three fields after the magic, and where the pixels start (one white space after the last)."""
+    """Return the three fields after the format, and the start of the pixels.
+
+    One byte of white space separates the last field from the pixels.
+    """
     fields: list[bytes] = []
     at = 2
     for _ in range(3):
@@ -72,7 +78,7 @@ def _missing(where: str, found: int, wanted: int) -> DermisError:
 
 
 def _check_end(data: bytes, end: int, where: str) -> None:
-    """Refuse bytes behind the last pixel: the pixels are wider than the header says, or others."""
+    """Refuse further bytes after the last pixel: pixels and header do not fit."""
     if not _NEXT.match(data, end):
         raise _left_over(where, f"{len(data) - end} bytes")
 
@@ -88,7 +94,7 @@ def _left_over(where: str, found: str) -> DermisError:
 
 
 def _plain(data: bytes, start: int, count: int, where: str) -> NDArray[np.uint32]:
-    if len(data) - start < 2 * count - 1:  # a digit and a space each
+    if len(data) - start < 2 * count - 1:  # each number needs at least one digit, and a space before the next
         raise _missing(where, max(len(data) - start + 1, 0) // 2, count)
     body = re.sub(rb"#[^\n]*", b" ", data[start:])
     numbers, done, at = np.empty(count, np.uint32), 0, 0
@@ -132,5 +138,5 @@ def _floats(data: bytes, start: int, scale: bytes, count: int, where: str) -> ND
     if found < count:
         raise _missing(where, found, count)
     _check_end(data, start + count * 4, where)
-    # The magnitude of the scale is a display hint that writers leave at 1; heights are taken as stored.
+    # The magnitude of the scale is a hint for display, which is usually 1. It is ignored: heights are taken as stored.
     return np.frombuffer(data, kind, count, start).astype(np.float32)

@@ -1,4 +1,4 @@
-"""NPY files as heights. Objects inside are refused: nothing is ever unpickled."""
+"""NPY files as images of heights; pickled objects are refused."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ MAGIC = b"\x93NUMPY"
 
 
 def decode(data: bytes, where: str) -> Raster:
-    """Read an array of shape (rows, columns) or (rows, columns, 1, 3 or 4), first row at the top, any byte order.
+    """Read an array of heights, first row at the top, any byte order.
 
-    Whole numbers are divided by the largest of their type, so that 8 and 16 bit run from 0 to 1.
+    The shape is (rows, columns) or (rows, columns, 1, 3 or 4). Whole numbers are divided by the largest number of their
+    type, so that 8-bit and 16-bit images have values from 0 to 1.
 
     Raises:
-        DermisError: damaged, not numbers, or another shape.
+        DermisError: the file is damaged, does not hold real numbers, or has another shape.
     """
     array = array_of(data, where)
     if array.dtype.kind not in "buif":

@@ -1,6 +1,8 @@
-"""PNG and TIFF, decoded by Pillow: 1 to 16 bit grey, palettes, alpha, 8-bit colour; TIFF of one sample by `tiff`.
+"""PNG and TIFF images, decoded by Pillow.
 
-Pillow reduces 16-bit colours to 8, so these are refused. The size is judged before a pixel is unpacked.
+TIFF images with one sample per pixel are decoded by `tiff` instead. Grey of 1 to 16 bit, palettes, 8-bit colours and
+alpha are read. 16-bit colours are refused, because Pillow reduces them to 8 bit. The size is checked before any pixel
+is unpacked.
 """
 
 from __future__ import annotations
@@ -26,20 +28,22 @@ if TYPE_CHECKING:
     from PIL.ImageFile import ImageFile
 
 PNG = b"\x89PNG\r\n\x1a\n"
-_GREY = {"1", "L", "I;16", "I;16B"}  # Pillow's names of what pixels hold
+_GREY = {"1", "L", "I;16", "I;16B"}  # Pillow's modes of grey images
 _COLOUR = {"P", "LA", "RGB", "RGBA"}
-_SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # a pixel, of the types of colour of a PNG
-_PASSES = (  # of an interlaced PNG: first column and row, columns and rows from one to the next
+_SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # samples per pixel, by the colour type of a PNG
+_PASSES = (  # passes of an interlaced PNG: first column, first row, step of the columns, step of the rows
     (0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2),
 )  # fmt: skip
-_PACKED, _UNPACKED = 1 << 16, 1 << 20  # bytes that are unpacked, and come out, at a time
+_PACKED, _UNPACKED = 1 << 16, 1 << 20  # [bytes] packed data read at a time; most unpacked data at a time
 
 
 def decode(data: bytes, where: str) -> Raster:
-    """Read a PNG, or the first page of a TIFF; alpha 0 and a declared transparent colour are holes.
+    """Read a PNG, or the first page of a TIFF.
+
+    Pixels with alpha 0 or with a transparent colour that the file declares are holes.
 
     Raises:
-        DermisError: damaged, cut short, too large, or with pixels that Pillow cannot hold as they are.
+        DermisError: the image is damaged, cut short or too large, or its pixels would change in Pillow.
     """
     header = TiffHeader.of(data, where) if data.startswith(TIFF) else None
     if header is not None:
@@ -48,7 +52,7 @@ def decode(data: bytes, where: str) -> Raster:
             return made
         data = header.changed({})
     with damage_told(tiff.DAMAGED, where, remedy=tiff.REMEDY):
-        _opened(data).verify()  # the check sums of all parts, which loading leaves out
+        _opened(data).verify()  # compares the check sums of all parts, which `load` does not
         image = _opened(data)
     columns, rows = image.size
     checked_size(columns, rows, where, packed=len(data))
@@ -67,7 +71,10 @@ def decode(data: bytes, where: str) -> Raster:
 
 
 def _opened(data: bytes) -> ImageFile:
-    """Read the header only. Only these two kinds are read: Pillow's other formats are no height maps."""
+    """Read the header alone.
+
+    Pillow's other formats are not tried, because they are no formats of height maps.
+    """
     from PIL.PngImagePlugin import PngImageFile
     from PIL.TiffImagePlugin import TiffImageFile
 
@@ -76,7 +83,10 @@ def _opened(data: bytes) -> ImageFile:
 
 
 def _bits(image: ImageFile, where: str) -> int:
-    """Return how many bits a sample of the file has, which Pillow's name of the packed pixels tells: 'L;4', 'I;16B'."""
+    """Return the bits per sample, from Pillow's name of the packed pixels.
+
+    Such a name is 'L;4' or 'I;16B'.
+    """
     packed = image.tile[0].args
     name = str(packed if isinstance(packed, str) else packed[0]) if packed else ""
     said = re.search(r";(\d+)", name)
@@ -87,7 +97,10 @@ def _bits(image: ImageFile, where: str) -> int:
 
 
 def _check_rows(data: bytes, where: str) -> None:
-    """Refuse a PNG that packs more or fewer bytes than its rows have. Pillow makes missing rows 0 and drops others."""
+    """Refuse a PNG whose packed pixels have more or fewer bytes than its size.
+
+    Pillow would fill missing rows with 0 and drop surplus rows.
+    """
     columns, rows, depth, colour, _, _, interlaced = struct.unpack_from(">IIBBBBB", data, len(PNG) + 8)
     needed = 0
     for column, row, wide, high in _PASSES if interlaced else ((0, 0, 1, 1),):
@@ -107,7 +120,13 @@ def _check_rows(data: bytes, where: str) -> None:
 
 
 def _unpacked(data: bytes, most: int) -> int:
-    """Return how many bytes the pixels of a PNG unpack to; data beyond `most` are not counted."""
+    """Return the number of bytes to which the pixels of a PNG unpack.
+
+    The count stops once it exceeds `most`.
+
+    Raises:
+        EOFError: the packed data end too early.
+    """
     stream, held = zlib.decompressobj(), 0
     for part in _packed(data):
         rest: bytes | memoryview = part
@@ -122,7 +141,10 @@ def _unpacked(data: bytes, most: int) -> int:
 
 
 def _packed(data: bytes) -> Iterator[memoryview]:
-    """Return the packed pixels of a PNG, a little at a time: the first chunks IDAT that follow on each other."""
+    """Yield the packed pixels of a PNG in small parts.
+
+    They are in its first consecutive IDAT chunks.
+    """
     view, at, begun = memoryview(data), len(PNG), False
     while at + 8 <= len(data):
         size, kind = struct.unpack_from(">I4s", data, at)
@@ -137,7 +159,10 @@ def _packed(data: bytes) -> Iterator[memoryview]:
 
 
 def _pixels(image: ImageFile, bits: int) -> tuple[NDArray[Any], NDArray[Any], NDArray[np.bool_]]:
-    """Return brightness, shape (rows, columns, 1 or 3), the stored numbers, and where transparency is."""
+    """Return brightness, stored samples and holes of an image.
+
+    The shapes are (rows, columns, 1 or 3), (rows, columns, samples) and (rows, columns).
+    """
     clear = image.info.get("transparency")
     if image.mode == "P":
         _check_palette(image)
@@ -152,7 +177,8 @@ def _pixels(image: ImageFile, bits: int) -> tuple[NDArray[Any], NDArray[Any], ND
         clear = None if clear is None else min(clear, (1 << bits) - 1)
     holes = np.zeros(samples.shape[:2], bool) if clear is None else np.asarray((samples == clear).all(axis=2))
     stored = samples
-    if getattr(image, "tag_v2", {}).get(PHOTOMETRIC) == 0:  # white is zero, which Pillow heeds up to 8 bits
+    # In such a TIFF, 0 is white. Pillow inverts the samples of up to 8 bits itself.
+    if getattr(image, "tag_v2", {}).get(PHOTOMETRIC) == 0:
         other = ((1 << bits) - 1) - samples
         samples, stored = (other, samples) if bits == 16 else (samples, other)
     return samples, stored, holes

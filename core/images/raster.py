@@ -1,4 +1,4 @@
-"""Raster: one picture as heights, before any repair."""
+"""Raster: an image as heights, before any repair."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from numpy.typing import NDArray
 from ..errors import DermisError, Finding
 from ..foreign import check_size
 
-# Rec. 709 weights: what Blender, and the eye, take for the brightness of a colour.
+# Weights of red, green and blue in the luminance of Rec. 709, as in Blender.
 LUMINANCE = (0.2126, 0.7152, 0.0722)
-MAX_PIXELS = 100_000_000  # 20 um apart on a screen of 20 cm, finer than a fingertip tells apart
-_AT_ONCE = 1 << 20  # numbers in double precision
+MAX_PIXELS = 100_000_000  # 20 um per pixel on a screen of 20 cm, finer than a fingertip can resolve
+_AT_ONCE = 1 << 20  # numbers that are in double precision at a time
 
 
 @dataclass(frozen=True, eq=False)
 class Raster:
-    """One picture as one number a pixel.
+    """An image with one number per pixel.
 
     Attributes:
-        values: row 0 at the bottom; whole-number formats run from 0 to 1, the others are as stored;
-            float32, shape (rows, columns).
-        holes: pixels that the file itself declares empty (alpha 0), bool, same shape.
-        levels: how many values the format can tell apart (256 for 8 bit), 0 for floating point.
-        findings: from reading.
-        signed: the format's whole numbers reach below 0.
+        values: heights, float32, shape (rows, columns), row 0 at the bottom. Whole numbers of the file are divided by
+            `largest`; floating-point numbers are as stored.
+        holes: pixels that the file declares empty, such as those with alpha 0, bool, same shape.
+        levels: number of non-negative values of the format (256 for 8 bit); 0 for floating point.
+        findings: findings from reading.
+        signed: whether the whole numbers of the format can be negative.
     """
 
     values: NDArray[np.float32]
@@ -43,19 +43,25 @@ class Raster:
 
 
 def largest_of(kind: np.dtype) -> tuple[int, bool]:
-    """Return the largest number of a type, 1 of floating point and booleans, and whether it has numbers below 0."""
+    """Return the largest number of a type, and whether it is signed.
+
+    For floating point and booleans, the result is (1, False).
+    """
     whole = kind.kind in "ui"
     return (int(np.iinfo(kind).max) if whole else 1), kind.kind == "i"
 
 
 def checked_size(columns: int, rows: int, where: str, *, packed: int | None = None) -> None:
-    """Refuse a picture without pixels, or with more than memory should hold.
+    """Refuse an image without pixels, or with too many for the memory.
 
     Args:
-        packed: bytes that its pixels are unpacked from, where they are.
+        columns: columns of pixels.
+        rows: rows of pixels.
+        where: place of the image in an error.
+        packed: bytes of the packed pixels; None if the pixels are not packed.
 
     Raises:
-        DermisError: 0 x 0, more than `MAX_PIXELS`, or a large one out of nearly nothing.
+        DermisError: the image has 0 x 0 pixels or more than `MAX_PIXELS`, or is far larger than its packed bytes.
     """
     if columns <= 0 or rows <= 0:
         raise DermisError("the image has no pixels", where=where, value=f"{columns} x {rows}", limit="at least 1 x 1")
@@ -71,24 +77,32 @@ def checked_size(columns: int, rows: int, where: str, *, packed: int | None = No
 
 
 def grey_of(pixels: NDArray[Any], where: str, largest: float = 1.0) -> tuple[NDArray[np.float32], tuple[Finding, ...]]:
-    """Turn pixels of one or three numbers into one: Rec. 709 luminance, with a finding where colours differ.
+    """Turn pixels with one or three numbers into heights.
 
-    The numbers are taken as data: no gamma curve is undone, because a height is not a colour.
+    Colours become their luminance by Rec. 709, and a finding says so. No gamma curve is undone, because the numbers are
+    heights and no colours.
 
     Args:
-        pixels: shape (rows, columns, 1 or 3). largest: the number that becomes 1.
+        pixels: shape (rows, columns, 1 or 3).
+        where: place of the image in a finding.
+        largest: the number that becomes 1.
+
+    Returns:
+        Heights, shape (rows, columns), and the finding if any pixel has a colour.
     """
     grey = np.empty(pixels.shape[:2], np.float32)
     coloured = 0
-    rows = max(_AT_ONCE // pixels[0].size, 1)  # a few at a time: doubles of all would take eight times the file
+    rows = max(
+        _AT_ONCE // pixels[0].size, 1
+    )  # few rows at a time: in double precision, all would take 8 times the file
     for at in range(0, len(pixels), rows):
         part = pixels[at : at + rows].astype(np.float64) / largest
         plain = part[..., 0]
         if part.shape[2] == 3:
             other = (plain != part[..., 1]) | (part[..., 1] != part[..., 2])
             coloured += int(np.count_nonzero(other))
-            plain = np.where(other, part @ np.array(LUMINANCE), plain)  # greys stay exactly as stored
-        with np.errstate(over="ignore"):  # what single precision cannot hold is infinite, a hole of a map
+            plain = np.where(other, part @ np.array(LUMINANCE), plain)  # grey pixels stay exactly as stored
+        with np.errstate(over="ignore"):  # a height too large for single precision becomes infinite, and later a hole
             grey[at : at + rows] = plain
     if not coloured:
         return grey, ()

@@ -1,7 +1,9 @@
-"""TIFF: one sample a pixel of any type, whole or floating point, as strips or tiles; the rest as Pillow reads it.
+"""TIFF images with one sample per pixel, in strips or tiles.
 
-Pillow changes samples that are none of its own: it swaps no bytes of packed big-endian floats, and takes signed bytes
-for unsigned ones. Here it unpacks bytes only; their meaning is decided from the file's own tags.
+The samples are whole numbers or floating-point numbers of any size. Other TIFF images are read by Pillow, see
+`png_tiff`. Pillow changes samples of types that it lacks: it does not swap the bytes of packed big-endian floats, and
+it reads signed bytes as unsigned bytes. In this module, Pillow only unpacks bytes, and the tags of the file decide what
+the bytes mean.
 """
 
 from __future__ import annotations
@@ -20,18 +22,20 @@ from .tiff_header import TiffHeader, unreadable
 
 # Compressions that change no byte: none, LZW, Deflate (both numbers), PackBits, LZMA, Zstandard.
 _LOSSLESS = {1, 5, 8, 32946, 32773, 34925, 50000}
-_PILLOWS = {2, 3, 4, 6, 7}  # of few bits, and JPEG
-_DIFFERENCED = _LOSSLESS - {1, 32773}  # those that a predictor may come before
+_PILLOWS = {2, 3, 4, 6, 7}  # compressions that only Pillow reads: those for few bits, and JPEG
+_DIFFERENCED = _LOSSLESS - {1, 32773}  # compressions that may have a predictor
 DAMAGED, REMEDY = "the image is damaged or cut short", "Save the image again"
 
 
 def decode(header: TiffHeader) -> Raster | None:
-    """Read a TIFF of one sample a pixel with 8 bits or more; None for others, which are checked.
+    """Read a TIFF with one sample per pixel; None if Pillow must read it.
 
-    Pixels that the file declares to be no data make holes, see `empty`.
+    Pillow must read images with several samples per pixel, fewer than 8 bits, a palette, reversed bits, or a compression
+    of `_PILLOWS`. Their sample type and compression have then been checked. Pixels that the file declares empty are
+    holes, see `empty`.
 
     Raises:
-        DermisError: damaged, cut short, too large, or samples of a kind that is not read.
+        DermisError: the image is damaged, cut short or too large, or has samples of a kind that is not read.
     """
     where = header.where
     kind, samples = header.sample_type(), header.number(tags.SAMPLES, 1)
@@ -60,12 +64,17 @@ def decode(header: TiffHeader) -> Raster | None:
 
 
 def empty(header: TiffHeader, stored: NDArray[Any]) -> tuple[NDArray[np.bool_], tuple[Finding, ...]]:
-    """Return where a file declares its pixels empty, and its other declarations, which are not read.
+    """Return the pixels that a file declares empty, and findings.
 
-    A pixel is empty where all its samples hold the declared number, or where the page of the mask leaves it out.
+    A pixel is empty if all its samples are the file's no-data number, or if the file's mask leaves the pixel out. The
+    findings report further pages and declarations that are not read.
 
     Args:
-        stored: samples as the file holds them, not turned, shape (rows, columns, n).
+        header: tags of the image.
+        stored: samples as stored, before `TiffHeader.upright`, shape (rows, columns, n).
+
+    Returns:
+        Empty pixels, also before `TiffHeader.upright`, shape (rows, columns), and the findings.
     """
     number = header.no_data()
     holes = np.zeros(stored.shape[:2], bool) if number is None else holds(stored, number).all(axis=2)
@@ -100,10 +109,14 @@ def empty(header: TiffHeader, stored: NDArray[Any]) -> tuple[NDArray[np.bool_], 
 
 
 def _mask(page: TiffHeader, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Return where a page of a mask says that there are pixels, not turned.
+    """Return the pixels that exist according to the page of a mask.
+
+    Args:
+        page: the page of the mask.
+        shape: rows and columns of the image, before `TiffHeader.upright`.
 
     Raises:
-        DermisError: it has another size than the image, or samples of another kind than a mask's.
+        DermisError: the page has another size than the image, or is no mask of a known kind.
     """
     from PIL.TiffImagePlugin import TiffImageFile
 
@@ -120,7 +133,10 @@ def _mask(page: TiffHeader, shape: tuple[int, ...]) -> NDArray[np.bool_]:
 
 
 def holds(values: NDArray[Any], number: float) -> NDArray[np.bool_]:
-    """Return where samples hold a number, as their own type would store it; a type that cannot holds it nowhere."""
+    """Return where samples hold a number, as their own type would store it.
+
+    Samples of a type that cannot store the number hold it nowhere.
+    """
     if values.dtype.kind == "f":
         with np.errstate(over="ignore"):
             return np.asarray(values == np.asarray(number).astype(values.dtype))
@@ -131,13 +147,13 @@ def holds(values: NDArray[Any], number: float) -> NDArray[np.bool_]:
 
 
 def _check_bytes(header: TiffHeader, kind: np.dtype, columns: int, rows: int) -> None:
-    """Refuse unpacked pixels of which there are more or fewer bytes than the tags say."""
+    """Refuse uncompressed pixels with more or fewer bytes than needed."""
     tiled = tags.TILE_BYTES in header.entries
     counts = tags.TILE_BYTES if tiled else tags.STRIP_BYTES
-    if counts not in header.entries:  # some old writers leave it out
+    if counts not in header.entries:  # some old writers leave out the counts
         return
     held = sum(header.numbers(counts))
-    # Tiles are whole, those at the rims too; strips end with the image, but some writers fill up the last one.
+    # Tiles are whole, even at the edges of the image. Strips end with the image, but some writers fill the last strip.
     high = max(header.number(tags.TILE_ROWS if tiled else tags.STRIP_ROWS, rows), 1)
     wide = max(header.number(tags.TILE_WIDTH, columns), 1) if tiled else columns
     needed = rows * columns * kind.itemsize
@@ -153,7 +169,7 @@ def _check_bytes(header: TiffHeader, kind: np.dtype, columns: int, rows: int) ->
 
 
 def _samples(header: TiffHeader, kind: np.dtype, columns: int, rows: int) -> NDArray[Any]:
-    """Return the samples in the file's own type, shape (rows, columns)."""
+    """Return the samples in native byte order, shape (rows, columns)."""
     from PIL.TiffImagePlugin import TiffImageFile
 
     differenced = header.number(tags.COMPRESSION, 1) in _DIFFERENCED
@@ -161,7 +177,7 @@ def _samples(header: TiffHeader, kind: np.dtype, columns: int, rows: int) -> NDA
     if predictor not in (1, 2, 3) or (predictor == 3 and kind.kind != "f"):
         raise unreadable(f"predictor {predictor} of {8 * kind.itemsize} bit", header.where)
     block = header.number(tags.TILE_WIDTH, columns) or columns
-    width = -(-columns // block) * block  # tiles are whole: their rows go on beyond the image
+    width = -(-columns // block) * block  # tiles are whole, so their rows may extend beyond the image
     check_size(width * rows * kind.itemsize, header.where, packed=len(header.data))
     with damage_told(DAMAGED, header.where, remedy=REMEDY):
         image = TiffImageFile(io.BytesIO(header.as_bytes(kind.itemsize, width)))
@@ -169,14 +185,15 @@ def _samples(header: TiffHeader, kind: np.dtype, columns: int, rows: int) -> NDA
             raise ValueError(f"unpacked as {image.mode} {image.size}")
         image.load()
         packed = np.asarray(image).reshape(rows, width // block, block * kind.itemsize)
-    if predictor == 3:  # each row of a block: all first bytes of its samples, then all second ones ..., as differences
+    if predictor == 3:
+        # A row of a block has the first bytes of all samples, then all second bytes, and so on, as differences.
         summed = np.add.accumulate(packed, axis=2, dtype=np.uint8)
         split = summed.reshape(rows, width // block, kind.itemsize, block)
         values = np.ascontiguousarray(split.swapaxes(2, 3)).view(kind.newbyteorder(">"))[..., 0]
     else:
         values = np.ascontiguousarray(packed).view(kind)
         if predictor == 2:
-            own = np.dtype(f"=u{kind.itemsize}")  # differences go around the ends of the type
+            own = np.dtype(f"=u{kind.itemsize}")  # sums of differences wrap around at the ends of the type
             whole = values.view(np.dtype(f"{kind.str[0]}u{kind.itemsize}") if kind.itemsize > 1 else own).astype(own)
             values = np.add.accumulate(whole, axis=2, dtype=own).view(kind.newbyteorder("="))
     native = values.reshape(rows, width)[:, :columns]

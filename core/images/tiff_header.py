@@ -1,4 +1,4 @@
-"""TiffHeader: the tags of one page of a TIFF, and where they lie in the file; classic and BigTIFF."""
+"""TiffHeader: tags of one page of a TIFF or BigTIFF, with their positions."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from numpy.typing import NDArray
 from ..errors import DermisError
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+# Numbers of tags. GDAL and NO_DATA are written by GDAL.
 PAGE_KIND, WIDTH, ROWS, BITS, COMPRESSION, PHOTOMETRIC, FILL_ORDER = 254, 256, 257, 258, 259, 262, 266
 ORIENTATION, SAMPLES, STRIP_ROWS, STRIP_BYTES, PREDICTOR = 274, 277, 278, 279, 317
 TILE_WIDTH, TILE_ROWS, TILE_BYTES, SAMPLE_FORMAT, GDAL, NO_DATA = 322, 323, 325, 339, 42112, 42113
-REDUCED, MASK = 1, 4  # bits of PAGE_KIND: a smaller copy, a mask of the pixels that are there
-_MOST_TAGS = 4096
-_TYPES = {1: "B", 3: "H", 4: "I", 16: "Q"}  # of whole numbers
-_FORMATS = {1: "u", 2: "i", 3: "f", 4: "u"}  # 4 is 'undefined', which readers take for whole numbers
+REDUCED, MASK = 1, 4  # bits of PAGE_KIND: smaller copy of another page; mask of the pixels that exist
+_MOST_TAGS = 4096  # largest number of tags of a page; more tags mean damage
+_TYPES = {1: "B", 3: "H", 4: "I", 16: "Q"}  # formats of `struct` for whole numbers, by the type of the tag
+_FORMATS = {1: "u", 2: "i", 3: "f", 4: "u"}  # 4 is 'undefined', which other readers, too, take for whole numbers
 
 
 @dataclass(frozen=True)
 class _Entry:
     type: int
     count: int
-    at: int  # where the entry begins
-    value_at: int  # where its value lies
+    at: int  # position of the entry in the file [bytes]
+    value_at: int  # position of its value in the file [bytes]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +37,13 @@ class TiffHeader:
     """The tags of one page.
 
     Attributes:
-        order: '<' or '>'. big: BigTIFF.
-        at: where the page's directory begins. next: where the next page's begins, 0 behind the last page.
+        data: bytes of the file.
+        where: place of the image in an error.
+        order: byte order, '<' or '>'.
+        big: whether the file is a BigTIFF.
+        entries: entries of the page's directory, by the number of the tag.
+        at: position of the page's directory in the file [bytes].
+        next: position of the next page's directory [bytes]; 0 for the last page.
     """
 
     data: bytes
@@ -50,10 +56,15 @@ class TiffHeader:
 
     @classmethod
     def of(cls, data: bytes, where: str, at: int = 0) -> TiffHeader:
-        """Read a page's directory: the one at `at`, the first where that is 0.
+        """Read the directory of a page.
+
+        Args:
+            data: bytes of the file.
+            where: place of the image in an error.
+            at: position of the directory [bytes]; 0 for the first page.
 
         Raises:
-            DermisError: it is cut short.
+            DermisError: the directory is cut short or damaged.
         """
         order: Literal["<", ">"] = "<" if data[:2] == b"II" else ">"
         big = data[:4] in MAGIC[2:]
@@ -76,7 +87,7 @@ class TiffHeader:
                     (value_at,) = struct.unpack_from(order + inline_kind, data, value_at)
                 entries[tag] = _Entry(kind, number, at, value_at)
                 at += size + inline
-            further = data[at : at + inline]  # some writers end the file without it
+            further = data[at : at + inline]  # some writers end the file without the position of the next page
             (following,) = struct.unpack(order + inline_kind, further) if len(further) == inline else (0,)
         except struct.error as error:
             raise DermisError(
@@ -85,7 +96,10 @@ class TiffHeader:
         return cls(data, where, order, big, entries, begin, following)
 
     def further(self) -> Iterator[TiffHeader | None]:
-        """Return the pages behind this one; None in place of one that is damaged, which is the last."""
+        """Yield the pages after this one.
+
+        None stands for a damaged page, which ends the iteration.
+        """
         page, seen = self, {self.at}
         while page.next and page.next not in seen:
             seen.add(page.next)
@@ -97,7 +111,11 @@ class TiffHeader:
             yield page
 
     def upright(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Turn rows and columns, the first two axes, as the tag of the orientation says."""
+        """Mirror and transpose an image as the tag of the orientation requires.
+
+        Args:
+            values: the image, with rows and columns as its first two axes.
+        """
         turn = self.number(ORIENTATION, 1)
         if 5 <= turn <= 8:  # rows and columns change places
             values = values.swapaxes(0, 1)
@@ -105,10 +123,10 @@ class TiffHeader:
         return values[:: -1 if flipped_rows else 1, :: -1 if flipped_columns else 1]
 
     def numbers(self, tag: int, default: int = 0) -> tuple[int, ...]:
-        """Return a tag's whole numbers; `default` alone where the page has none.
+        """Return a tag's whole numbers; `default` alone if the page lacks the tag.
 
         Raises:
-            DermisError: the tag holds something else, or lies beyond the file.
+            DermisError: the tag does not hold whole numbers, or its value is beyond the end of the file.
         """
         entry = self.entries.get(tag)
         if entry is None:
@@ -126,7 +144,9 @@ class TiffHeader:
         return self.numbers(tag, default)[0]
 
     def no_data(self) -> float | None:
-        """Return the number that the file declares to stand for 'no data' (tag 42113, written by GDAL), or None.
+        """Return the number that means 'no data' in this file, or None.
+
+        GDAL writes it to the tag 42113.
 
         Raises:
             DermisError: the tag holds no number.
@@ -146,7 +166,10 @@ class TiffHeader:
             ) from error
 
     def declared(self, role: str) -> float | None:
-        """Return the 'scale' or 'offset' of the first sample (tag 42112, written by GDAL); None where there is none."""
+        """Return the 'scale' or 'offset' of the first sample, or None.
+
+        GDAL writes them to the tag 42112.
+        """
         entry = self.entries.get(GDAL)
         if entry is None:
             return None
@@ -160,10 +183,12 @@ class TiffHeader:
         return None
 
     def sample_type(self) -> np.dtype:
-        """Return the type of a sample, in the file's byte order; samples of fewer than 8 bits are whole numbers of 8.
+        """Return the type of a sample, in the file's byte order.
+
+        Samples of fewer than 8 bits have the type of 8-bit whole numbers.
 
         Raises:
-            DermisError: samples that no computer's type holds, or of several types.
+            DermisError: the samples have a type that NumPy lacks, or several types.
         """
         count = self.number(SAMPLES, 1)
         bits, formats = set(self.numbers(BITS, 1)), set(self.numbers(SAMPLE_FORMAT, 1))
@@ -177,10 +202,13 @@ class TiffHeader:
         return np.dtype(f"{self.order}{kind}{max(max(bits) // 8, 1)}")
 
     def as_bytes(self, item: int, columns: int) -> bytes:
-        """Return the file as an image of single bytes, `item` for each sample, so that unpacking changes none of them.
+        """Return the file as an image of single bytes.
+
+        Pillow can then unpack the bytes without changing them.
 
         Args:
-            columns: that the image shall have, in samples.
+            item: bytes per sample. A row of the new image has `item` pixels for each sample.
+            columns: samples per row of the new image.
         """
         changed = {WIDTH: columns * item, BITS: 8, SAMPLE_FORMAT: 1, PREDICTOR: 1, PHOTOMETRIC: 1}
         if TILE_WIDTH in self.entries:
@@ -188,7 +216,13 @@ class TiffHeader:
         return self.changed(changed)
 
     def changed(self, values: Mapping[int, int]) -> bytes:
-        """Return the file with this page as its first, not turned, and with other values of tags that it has."""
+        """Return the file with this page as the first, and with changed tags.
+
+        Its orientation becomes that of the stored rows and columns. Tags that the page lacks are not added.
+
+        Args:
+            values: new values by the number of the tag.
+        """
         new = bytearray(self.data)
         struct.pack_into(self.order + ("Q" if self.big else "I"), new, 8 if self.big else 4, self.at)
         for tag, value in {ORIENTATION: 1, **values}.items():
@@ -205,7 +239,7 @@ class TiffHeader:
 
 
 def unreadable(found: str, where: str) -> DermisError:
-    """Return that pixels of a kind are not read."""
+    """Return the error that pixels of a kind are not read."""
     return DermisError(
         "pixels of this kind are not supported",
         where=where,

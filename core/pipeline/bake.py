@@ -1,7 +1,4 @@
-"""Results of rendering a scene: tracks, skins and findings.
-
-There is one track per finger and device.
-"""
+"""Results of rendering a scene: tracks, skins and findings."""
 
 from __future__ import annotations
 
@@ -59,7 +56,7 @@ class Bake:
         content_hash: hash of scene, device presets and version.
         stage_seconds: run time of each stage [s].
         skins: states of the skin of each finger that shows it or wears a device that needs it, by finger's name.
-        inputs: hashes of all inputs of the bake, grouped by object, see `inputs.inputs_of`.
+        inputs: hashes of all inputs of the bake, by object, see `inputs.inputs_of`.
     """
 
     outputs: tuple[Output, ...]
@@ -76,10 +73,7 @@ class Bake:
 
     @property
     def recorded(self) -> bool:
-        """Whether all tracks follow recordings of sensors.
-
-        Nothing of the scene is in such tracks.
-        """
+        """Whether all tracks follow recordings of sensors, and none the scene."""
         sensors = [str(output.track.meta.get("sensor", "")) for output in self.outputs]
         return bool(sensors) and all(sensor.startswith(RECORDED) for sensor in sensors)
 

@@ -1,4 +1,4 @@
-"""One device on one finger: what drives it, and its track, within its limits and with where it comes from."""
+"""Tracks of single devices: renderer, limits, checks and origin."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Driven:
     """Results of one device on one finger.
 
     Attributes:
-        output: its track; None where it could not be rendered, and then a finding of the scene says why.
+        output: the track; None if the device could not be rendered, and then a finding gives the reason.
         findings: findings about the scene.
         skipped: amounts of work that the scene did not need, by name.
     """
@@ -41,7 +41,7 @@ class Driven:
     skipped: Mapping[str, int] = field(default_factory=dict)
 
     def stamped(self, content_hash: str) -> Driven:
-        """Return it with the hash of the scene, where that was not known yet."""
+        """Return the same results, with the hash of the scene in the track."""
         if self.output is None:
             return self
         track = self.output.track
@@ -58,10 +58,18 @@ def driven(
     felt: SkinContact | None,
     content_hash: str,
 ) -> Driven:
-    """Render one device of one finger; one that cannot be rendered does not take the others down.
+    """Render one device of one finger.
+
+    An error becomes a finding, so that the other devices are still rendered.
 
     Args:
-        felt: by the finger's skin, for devices that follow it.
+        pad_contact: contact of the pads over the scene.
+        scene: the scene's header.
+        finger: index of the finger.
+        use: the device on the finger.
+        spec: preset of the device.
+        felt: contact of the finger's skin; needed only by devices that follow the skin.
+        content_hash: hash of the scene for the track.
     """
     try:
         check_device(pad_contact, scene.fingers[finger], finger, use)
@@ -76,8 +84,15 @@ def driven(
 def usable(
     scene: TactileScene, library: Library, findings: list[Finding]
 ) -> Iterator[tuple[int, DeviceUse, DeviceSpec]]:
-    """Pair every finger with the devices that can be driven; say which cannot, and go on."""
-    specs: dict[str, DeviceSpec] = {}  # read once, whoever wears them
+    """Yield finger, use and preset of each device that can be driven.
+
+    Args:
+        scene: the scene's header.
+        library: the presets.
+        findings: list to which findings are appended: devices that cannot be driven, and fingers that have no device
+            and whose skin is not shown.
+    """
+    specs: dict[str, DeviceSpec] = {}  # each preset is read once
     for i, finger in enumerate(scene.fingers):
         if not finger.devices and not SKIN_CONTACT["skin_shown"].of(finger.parameters):
             findings.append(
@@ -107,12 +122,12 @@ def unavailable(finger: str, error: DermisError) -> Finding:
 
 
 def renderer(spec: DeviceSpec) -> Renderer:
-    """Return the method that drives this kind of device; its module loads only now."""
+    """Return the renderer of a kind of device; its module is imported here."""
     return import_module(f"..matching.{kind_of(spec).renderer}", __package__).render
 
 
 def finished(rendered: Rendered, scene: TactileScene, finger: int, use: DeviceUse, content_hash: str) -> Output:
-    """Limit the track to the abilities of the device, check it, and note its origin."""
+    """Limit a track to the device's abilities, check it, and add its origin."""
     name = scene.fingers[finger].name
     limited = rendered.track.within_limits()
     meta = {

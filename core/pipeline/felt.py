@@ -1,4 +1,4 @@
-"""Contact over a scene: of the pads' centres and, where somebody needs it, of whole skins."""
+"""Contact of the pads' centres and, if needed, of whole skins in a scene."""
 
 from __future__ import annotations
 
@@ -30,9 +30,20 @@ def skin_models(
     clock: Stages,
     findings: list[Finding],
 ) -> Generator[Progress, None, dict[int, SkinModel]]:
-    """Make the skins of some fingers, one for all that are alike.
+    """Make the skins of some fingers; yield progress.
 
-    One that cannot be made is left out, and a finding says why.
+    Fingers with equal parameters share one skin. A skin that cannot be made is left out.
+
+    Args:
+        scene: the scene's header.
+        fingers: indices of the fingers.
+        library: the presets.
+        cache: cache of condensed skins; None to condense them anew.
+        clock: run times. If there is any skin, later stages use a single BLAS thread.
+        findings: list to which the reasons of left-out skins are appended.
+
+    Returns:
+        The skins by the index of the finger.
     """
     made: dict[int, SkinModel] = {}
     alike: dict[str, SkinModel] = {}
@@ -65,13 +76,20 @@ def touched(
     kept: list[Chunk] | None = None,
     fingers: Collection[int] | None = None,
 ) -> Generator[Progress, None, tuple[PadContact, dict[int, SkinContact]]]:
-    """Draw the chunks through the contact of the pads' centres and of some fingers' skins.
+    """Compute the contact of pads and of some skins; yield progress.
 
-    The pads come first: surfaces that are not finite are mended there, and the skins get the mended chunk.
+    The pads come first, because they replace invalid poses and surfaces. The skins get the repaired chunks.
 
     Args:
-        models: finger index -> its skin. kept: where the mended chunks are put.
-        fingers: whose pads are followed; all where None.
+        scene: the scene's header.
+        chunks: chunks of the scene.
+        models: skins by the index of the finger.
+        clock: run times.
+        kept: list to which the repaired chunks are appended; None to drop them.
+        fingers: indices of the fingers whose pads are sampled; None for all.
+
+    Returns:
+        Contact of the pads, and contact of the skins by the index of the finger.
     """
     from ..contact.pad_sampler import PadSampler
 
@@ -107,7 +125,10 @@ def felt_by(
     pad_contact: PadContact,
     clock: Stages,
 ) -> Generator[Progress, None, dict[int, SkinContact]]:
-    """Draw chunks that the pads have been drawn through, mended, through the contact of some fingers' skins."""
+    """Compute the contact of some skins from chunks repaired by `touched`.
+
+    The generator yields progress, and returns the contact by the index of the finger.
+    """
     from ..contact.skin_sampler import SkinSampler
 
     skins, done = SkinSampler(scene, models), 0

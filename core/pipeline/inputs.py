@@ -1,4 +1,4 @@
-"""Hashes of the inputs of a bake, one by one, and their comparison with the present scene."""
+"""Hashes of the single inputs of a bake, to compare them with a scene."""
 
 from __future__ import annotations
 
@@ -13,9 +13,14 @@ __all__ = ["differences", "inputs_of", "sampled"]
 
 
 def inputs_of(scene: TactileScene, content: ContentHash, library: Library) -> Parts:
-    """Return the hashes of a scene's inputs, once its chunks have passed: its objects, and the presets.
+    """Return the hashes of a scene's inputs: its objects and the presets.
 
-    Each finger has besides its own those of its devices' presets, and of the files that their settings name.
+    The entry of each finger also has one hash of its devices' presets and of the files that their settings name.
+
+    Args:
+        scene: the scene's header.
+        content: hash of the scene, through which all chunks have passed.
+        library: the presets.
     """
     found = content.parts()
     for finger in scene.fingers:
@@ -25,7 +30,10 @@ def inputs_of(scene: TactileScene, content: ContentHash, library: Library) -> Pa
 
 
 def sampled(scene: TactileScene, library: Library) -> Generator[None, None, Parts]:
-    """Read a scene's chunks, and return the hashes of its inputs; yield after each."""
+    """Read a scene's chunks, and return the hashes of its inputs.
+
+    The generator yields after each chunk.
+    """
     content = ContentHash(scene)
     for _ in content.through(scene.chunks):
         yield

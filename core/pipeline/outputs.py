@@ -1,4 +1,4 @@
-"""Write a bake's tracks, and the maps of screens that answer to a real finger, into a folder."""
+"""Write the tracks of a bake, and maps of touch screens, into a folder."""
 
 from __future__ import annotations
 
@@ -16,12 +16,15 @@ from .bake import Bake, Output
 def export(bake: Bake, folder: Path | str, *, plots: bool = False) -> tuple[Path, ...]:
     """Write one CSV per finger and device into a folder; return the paths.
 
-    On request, each CSV has a PNG plot beside it.
-
     A track that cannot be written does not stop the others.
 
+    Args:
+        bake: the tracks.
+        folder: folder of the files.
+        plots: whether each CSV gets a PNG plot beside it.
+
     Raises:
-        DermisError: nothing to export, or a track cannot be written; the first one's reason.
+        DermisError: the bake has no tracks, or some cannot be written; then the error is that of the first.
     """
     from ..track import csv
 
@@ -42,7 +45,7 @@ def export(bake: Bake, folder: Path | str, *, plots: bool = False) -> tuple[Path
 
 
 def write_plots(bake: Bake, folder: Path | str) -> tuple[Path, ...]:
-    """Write a PNG plot of every track into a folder, named as its file; return their paths.
+    """Write a PNG plot of every track, named like its CSV; return the paths.
 
     Raises:
         DermisError: the folder cannot be written.
@@ -58,10 +61,15 @@ def write_plots(bake: Bake, folder: Path | str) -> tuple[Path, ...]:
 
 
 def plot_of(bake: Bake, output: Output, *, scale: float = 2.0, spread: Array | None = None) -> bytes:
-    """Return the plot of one of a bake's tracks as PNG, in the units and scales of all tracks of the same device.
+    """Return the PNG plot of a track.
+
+    Units and scales are those of all tracks of the same device in the bake, so that the plots can be compared.
 
     Args:
-        scale: pixels a point. spread: half the width of a band about each curve, shape (n, channels).
+        bake: the bake.
+        output: the track, one of the bake's outputs.
+        scale: pixels per point.
+        spread: half the width of a band about each curve, in the curve's unit, shape (n, channels).
     """
     from ..plot.track import png
 
@@ -70,10 +78,14 @@ def plot_of(bake: Bake, output: Output, *, scale: float = 2.0, spread: Array | N
 
 
 def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> tuple[Path, ...]:
-    """Write the map and the law of every screen device, for screens that answer to a real finger.
+    """Write map and law of every screen device, for use with a real finger.
 
-    Only the scene's first chunk is read: where the screens stand then gives the scale.
+    Only the first chunk of the scene is read. The matrices of its screens determine the size of the maps.
 
+    Args:
+        scene: the scene.
+        library: the presets.
+        folder: folder of the files.
     Raises:
         DermisError: no finger has a screen device, a map cannot be used, or the folder cannot be written.
     """
@@ -105,12 +117,15 @@ def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> t
 
 
 def file_names(bake: Bake) -> tuple[str, ...]:
-    """Return a file stem per output: finger and device, safe on every file system, never the same twice."""
+    """Return a file stem per output, from the names of finger and device.
+
+    The stems are unique, and safe on every file system.
+    """
     return _named(bake)[0]
 
 
 def name_findings(bake: Bake) -> tuple[Finding, ...]:
-    """Return findings about `file_names`: those that were shortened."""
+    """Return a finding for each of the `file_names` that was shortened."""
     return _named(bake)[1].findings()
 
 

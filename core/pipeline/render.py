@@ -1,13 +1,17 @@
-"""The whole way from a sampled scene to command tracks; it reads from top to bottom.
+"""render: from a sampled scene to command tracks.
+
+The steps, in the order of the code:
 
 scene -> contact of the pads' centres and of the skins -> each device's commands -> command tracks within limits
 
-`outputs` writes them to files.
+`outputs` writes the tracks to files.
 
-`render` decides which work a scene does not need: fingers without devices are not rendered, far objects are dropped
-by the broad phase, and effects that nothing switches on are never computed. `skipping` has the table of skipped work,
-its conditions and counters. Fingers that
-hold nothing together are independent: given an executor, `shares` lets other processes render them, to the same bytes.
+`render` also decides which work a scene does not need. A skin is simulated only if it is shown or if a device follows
+it, the broad phase drops far objects, and effects that are switched off are not computed. `skipping` has the table of
+skipped work, with conditions and counters.
+
+Fingers that hold no object together are independent of each other. With an executor, `shares` lets other processes
+render them, to the same bytes.
 """
 
 from __future__ import annotations
@@ -51,12 +55,13 @@ def render(
     """Render every device of every finger; yield progress, return a `Bake`.
 
     Args:
+        scene: the scene.
         library: the presets.
-        cache: where condensed skins are kept; without one they are made anew.
+        cache: cache of condensed skins; None to condense them anew.
         executor: executor with child processes, which render fingers in parallel if that saves time. The results are
             the same to the byte.
-        before: results of earlier bakes: fingers whose inputs are unchanged are taken from there, and rendered ones
-            are put there. Bytes stay the same.
+        before: results of earlier bakes, or None. Fingers with unchanged inputs are taken from there, and newly
+            rendered fingers are added. The results are the same to the byte.
 
     Raises:
         DermisError: the scene cannot be rendered at all (see `TactileScene.validate`).
@@ -73,9 +78,9 @@ def render(
     uses = [(f, use, spec) for f, use, spec in uses if f in models or not spec.follows_skin]
     chunks = content.through(scene.chunks)
     ready: dict[int, Iterator[Driven]] = {}
-    rigid = all(body.mesh is not None for body in scene.bodies)  # deforming meshes are too much to hand over
+    rigid = all(body.mesh is not None for body in scene.bodies)  # surfaces of deforming bodies are too large for shares
     unchanged = 0
-    # a share reads the scene's file
+    # The other processes read the scene from a file.
     several = executor is not None and executor.shares_files and executor.workers > 1 and len(models) > 1
     if rigid and models and (several or before is not None):
         from .shares import touched_in_shares
@@ -120,7 +125,8 @@ def run(scene: TactileScene, library: Library | None = None) -> Bake:
     """Render a scene and return its `Bake`; like `render`, without progress.
 
     Args:
-        library: the presets; the built-in ones where None.
+        scene: the scene.
+        library: the presets; None for the built-in ones.
 
     >>> import dermis
     >>> finger = dermis.Finger("Index", (dermis.DeviceUse("haptip"),))
@@ -139,9 +145,13 @@ def run(scene: TactileScene, library: Library | None = None) -> Bake:
 
 
 def _full_hash(content: ContentHash, specs: list[DeviceSpec], tables: list[str]) -> str:
-    """Hash of the scene's content, the presets it uses, the version that rendered it and the skins' tables.
+    """Return the hash of a bake's inputs, the version included.
 
-    The last since the table of a smooth pad may be there or not: whoever asked for points then gets something else.
+    Args:
+        content: hash of the scene's content.
+        specs: presets of the devices.
+        tables: names of the fingers whose contact was solved at points. Points need the table of a smooth pad. If the
+            table is missing, contact is solved at nodes, and the results differ.
     """
     parts = [content.hexdigest(), made_by(), *(spec.hash for spec in specs), *tables]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:32]

@@ -1,6 +1,8 @@
-"""Many sampled scenes to files, side by side: a job a scene, on this machine or on others, to the same bytes.
+"""render_shots: from many sampled scenes to files, one job per scene.
 
-Scenes and skins go to whoever needs them once: as paths where files are shared, else as bytes by their content's hash.
+The jobs run in parallel, on this machine or on others. The files are the same to the byte as those of one process. If
+the executor shares files, the jobs get the paths of scenes and skins. Otherwise they get the bytes, which a cluster
+identifies by a hash of the content and sends only once.
 """
 
 from __future__ import annotations
@@ -30,12 +32,19 @@ from .bake import Progress
 from .device_tracks import usable
 from .shot import Shot, Wanted, presets_of, shot_of
 
-CACHE_BYTES = 1 << 40  # of the folder that holds skins while the shots are rendered: it goes with them
+CACHE_BYTES = 1 << 40  # [bytes] limit of the folder of skins: practically none, because the folder is temporary
 
 
 @dataclass(frozen=True)
 class Rendered:
-    """One scene: its file, and either its results and the written paths, or the reason for their absence."""
+    """Outcome of one scene.
+
+    Attributes:
+        scene: path of the scene's file.
+        shot: results of the scene; None if it was refused.
+        paths: paths of the written files.
+        error: reason of the refusal; None if the scene was rendered.
+    """
 
     scene: Path
     shot: Shot | None
@@ -46,13 +55,21 @@ class Rendered:
 def render_shots(
     scenes: Sequence[Path], library: Library, folder: Path, wanted: Wanted, executor: JobExecutor
 ) -> Generator[Progress | Rendered, None, None]:
-    """Render scenes, each into a folder of its own, named as its file; yield progress, and each scene as it is done.
+    """Render scenes, each into its own folder, named like the scene's file.
 
-    A scene that is refused takes no other down. Files appear when a scene is done: in a new folder all at once, in
-    one that is there already each whole. Leaving early drops unfinished work.
+    The generator yields progress, and each scene when it is done. A refused scene does not stop the others. The files
+    of a scene are written when the scene is done, see `put_together`. Closing the generator early drops unfinished
+    scenes.
+
+    Args:
+        scenes: paths of the scenes' files.
+        library: the presets.
+        folder: folder of the scenes' folders.
+        wanted: options of the files.
+        executor: executor of the jobs.
 
     Raises:
-        DermisError: presets that cannot be read, or a folder that cannot be written.
+        DermisError: presets cannot be read, or a folder cannot be written.
     """
     names = FileNames()
     places = [folder / names.take(path.stem) for path in scenes]
@@ -81,7 +98,7 @@ def render_shots(
 
 
 def _rendered(scene: Path, folder: Path, future: JobFuture) -> Rendered:
-    """Write the results of a scene."""
+    """Write the files that a scene's job has returned."""
     error = future.exception()
     if isinstance(error, DermisError):
         return Rendered(scene, None, error=error)
@@ -91,11 +108,12 @@ def _rendered(scene: Path, folder: Path, future: JobFuture) -> Rendered:
 
 
 class Skins:
-    """Skins of scenes, condensed once for all who render them.
+    """Skins of scenes, each condensed once for all scenes.
 
     Args:
-        stack: exit stack that closes the skins. They are in a folder if files are shared, else in memory, by the key of
-            their file.
+        executor: executor of the jobs. If it shares files, the skins are in a temporary folder. Otherwise the files of
+            the skins are in memory, by their keys in a cache.
+        stack: exit stack that removes the folder.
     """
 
     def __init__(self, executor: JobExecutor, stack: ExitStack) -> None:
@@ -103,10 +121,13 @@ class Skins:
         self._folder = ""
         if executor.shares_files:
             self._folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="dermis-skins-"))
-        self._files: dict[str, Mapping[str, NDArray[Any]]] = {}  # by skin: its files
+        self._files: dict[str, Mapping[str, NDArray[Any]]] = {}  # files of each skin; none if they are in the folder
 
     def make(self, wanted: Iterable[str]) -> Generator[Progress, None, None]:
-        """Condense skins that are not there yet; one that is refused is told where it is used."""
+        """Condense skins that have not been condensed yet; yield progress.
+
+        A refused skin gives no error here. The shots that use the skin report the error.
+        """
         missing = sorted(set(wanted) - self._files.keys())
         more = {"folder": self._folder, "limit": CACHE_BYTES} if self._folder else {}
         name = "skin" if self._folder else "skin-files"
@@ -125,12 +146,15 @@ class Skins:
                 yield Progress("skins", done, len(missing))
 
     def shot(self, scene: Path, skins: Sequence[str], parameters: Mapping[str, Any]) -> Asked:
-        """Return the job 'shot' of a scene, with its inputs: read when it is asked for, since many are large."""
+        """Return the job 'shot' of a scene with its inputs.
+
+        The inputs may be large, and are read by this call. Call it only when the job is about to be submitted.
+        """
         arrays, place = self.given(scene, skins)
         return Asked("shot", arrays, {**parameters, **place})
 
     def given(self, scene: Path, skins: Sequence[str]) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return a scene and its skins as a job is given them: arrays, and parameters."""
+        """Return a scene and its skins as inputs of a job: arrays and parameters."""
         if self._folder:
             return {}, {"scene": os.path.abspath(scene), "cache": [self._folder, CACHE_BYTES]}
         arrays: dict[str, NDArray[Any]] = {"scene": array_from(_bytes(scene))}
@@ -140,7 +164,10 @@ class Skins:
 
 
 def skins_of(scene: TactileScene, library: Library) -> Iterator[str]:
-    """Yield the skins that rendering a scene needs, as the JSON of the job's parameters 'skin' and 'level'."""
+    """Yield the skins that a scene needs, as JSON.
+
+    The JSON has the parameters 'skin' and 'level' of the job that condenses the skin.
+    """
     needed = {f for f, _, spec in usable(scene, library, []) if spec.follows_skin}
     for f, finger in enumerate(scene.fingers):
         if f in needed or SKIN_CONTACT["skin_shown"].of(finger.parameters):
@@ -151,13 +178,22 @@ def skins_of(scene: TactileScene, library: Library) -> Iterator[str]:
 
 
 def put_together(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Write files into a folder: all of them at once where it is new, else one by one, each whole.
+    """Write files into a folder.
+
+    In a new folder, all files appear at once. In an existing folder, the files appear one by one, each when it is
+    complete.
+
+    Args:
+        folder: the folder; it is made if it does not exist.
+        files: bytes of the files by name.
 
     Raises:
         DermisError: the folder cannot be written.
     """
     if not folder.exists() and files:
-        with suppress(OSError):  # somebody made it meanwhile, or nobody can: the files below tell
+        # Another process may make the folder meanwhile, or nobody can make it. Then the loop below writes the files, or
+        # gives the reason.
+        with suppress(OSError):
             folder.parent.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(prefix=f".{folder.name[:80]}.", dir=folder.parent) as scratch:
                 new = Path(scratch) / "new"
@@ -170,7 +206,10 @@ def put_together(folder: Path, files: Mapping[str, bytes]) -> None:
 
 
 def _bytes(path: Path) -> bytes:
-    """Return a scene's file; nothing where it cannot be read, which its job then tells."""
+    """Return the bytes of a scene's file; none if it cannot be read.
+
+    The scene's job then reports the error.
+    """
     try:
         return read_bytes(path)
     except DermisError:

@@ -1,9 +1,11 @@
-"""Inputs of each part of the pipeline, and the work that it skips where a scene does not need it: one row a counter.
+"""SKIPPED: work that the pipeline skips if a scene does not need it.
 
-Skipped work changes no byte of a track, but for forces that still hold, where a new solution would be another
-within the contact's tolerance, and for forces between two solutions, which the benchmark `stride_force_error` judges.
-Who leaves something out counts it in `skipped` by a name of this table; panels and summaries show the counts in its
-words.
+Skipped work changes no byte of a track, with two exceptions. Forces that still hold are used again, although a new
+solution would differ from them within the tolerance of contact. Forces between two solutions are interpolated, and the
+benchmark `stride_force_error` measures their error.
+
+A part that skips work counts it in `skipped` under a name of this table. The table has one row per counter. Panels and
+summaries show the counts in the words of the table.
 """
 
 from __future__ import annotations
@@ -13,12 +15,12 @@ from typing import NamedTuple
 
 
 class Skip(NamedTuple):
-    """One thing that may be left out.
+    """One kind of work that may be skipped.
 
     Attributes:
         part: part of the pipeline.
         needs: inputs of the part.
-        when: condition under which it is skipped and counted.
+        when: condition under which the work is skipped and counted.
         counted: unit of the count, in words that follow a number.
     """
 
@@ -88,7 +90,10 @@ SKIPPED: Mapping[str, Skip] = {
 
 
 def told(skipped: Mapping[str, int]) -> Iterator[tuple[str, str]]:
-    """Yield part and words for all that was left out, in the order of the table; unknown ones come last."""
+    """Yield part and words of each count, in the order of the table.
+
+    Counts of 0 are left out. Names that are not in the table come last, with the part 'other'.
+    """
     for name in sorted(skipped, key=lambda name: ([*SKIPPED].index(name) if name in SKIPPED else len(SKIPPED), name)):
         if skipped[name]:
             row = SKIPPED.get(name)

@@ -11,7 +11,8 @@ class Stages:
     """Adds up run time by stage.
 
     Attributes:
-        hold: function that returns a context manager, entered while a stage runs.
+        seconds: run time of each stage [s].
+        hold: function that returns a context manager, which is entered while a stage runs.
     """
 
     def __init__(self) -> None:
@@ -20,7 +21,7 @@ class Stages:
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Count the time of a block towards a stage."""
+        """Add the run time of a block to a stage."""
         start = time.perf_counter()
         try:
             with self.hold():

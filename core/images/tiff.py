@@ -30,9 +30,9 @@ DAMAGED, REMEDY = "the image is damaged or cut short", "Save the image again"
 def decode(header: TiffHeader) -> Raster | None:
     """Read a TIFF with one sample per pixel; None if Pillow must read it.
 
-    Pillow must read images with several samples per pixel, fewer than 8 bits, a palette, reversed bits, or a compression
-    of `_PILLOWS`. Their sample type and compression have then been checked. Pixels that the file declares empty are
-    holes, see `empty`.
+    Pillow must read images with several samples per pixel, fewer than 8 bits, a palette, reversed bits, or a
+    compression of `_PILLOWS`. Their sample type and compression have then been checked. Pixels that the file declares
+    empty are holes, see `empty`.
 
     Raises:
         DermisError: the image is damaged, cut short or too large, or has samples of a kind that is not read.

@@ -1,4 +1,7 @@
-"""Hashes of a scene's contents, whole and thing by thing, blind to how it was cut into chunks."""
+"""ContentHash: hash of a whole scene, and hashes of its parts.
+
+The hashes do not depend on the division of the scene into chunks.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from numpy.typing import NDArray
 from ..arrays import feed
 from .tactile_scene import SCENE_VERSION, Body, Chunk, TactileScene, header
 
-Parts = dict[str, dict[str, str]]
+Parts = dict[str, dict[str, str]]  # hashes by part, such as "object 'Table'", and by aspect, such as 'motion'
 
 
 def said(what: Any) -> str:
@@ -22,10 +25,14 @@ def said(what: Any) -> str:
 
 
 def differences(before: Parts, now: Parts) -> list[str]:
-    """Return in words how the parts of a scene differ from their earlier state; empty if they are equal.
+    """Return texts on the parts of a scene that differ from before.
 
-    Objects and screens may have other names: an object that differs by its name alone is the same. Fingers are
-    those of their names.
+    The list is empty if all parts are equal. An object or screen that differs only in its name counts as equal. A
+    finger with another name counts as another finger.
+
+    Args:
+        before: earlier hashes, see `ContentHash.parts`.
+        now: present hashes.
     """
     left = {name: aspects for name, aspects in before.items() if now.get(name) != aspects}
     new = {name: aspects for name, aspects in now.items() if before.get(name) != aspects}
@@ -55,10 +62,10 @@ def _plain(value: Any) -> Any:
 
 
 class ContentHash:
-    """A running SHA-256 over a scene's header and, as they pass, its chunks.
+    """A SHA-256 hash of a scene's header and of the chunks that pass.
 
-    Each series has a hash of its own, fed sample by sample, so that the result does not depend on where one chunk ends
-    and the next begins.
+    Each series of samples has its own hash, which is updated sample by sample. The result therefore does not depend on
+    the samples at which chunks end.
     """
 
     def __init__(self, scene: TactileScene) -> None:
@@ -73,7 +80,7 @@ class ContentHash:
         self._scene = scene
 
     def through(self, chunks: Iterable[Chunk]) -> Iterator[Chunk]:
-        """Pass chunks on, adding each to the hash."""
+        """Yield each chunk after it has been added to the hash."""
         for chunk in chunks:
             self._add("frames", chunk.frames)
             self._add("times", chunk.times)
@@ -89,21 +96,23 @@ class ContentHash:
             yield chunk
 
     def hexdigest(self) -> str:
-        """Return the hash of everything so far."""
+        """Return the hash of the header and of all chunks so far."""
         total = self._head.copy()
         for key in sorted(self._series):
             total.update(f"{key}={self._series[key].hexdigest()}\n".encode())
         return total.hexdigest()
 
     def parts(self) -> Parts:
-        """Return the hash of each aspect of each thing, under the thing's name; names themselves are no part of them.
+        """Return hashes of all aspects of the scene's parts.
 
-        The relation of two objects, such as the screen that a device touches, goes in by that other one's hash.
+        The name of a part is in none of its hashes. Where a part refers to another, such as a device to the screen that
+        it touches, the hash of the other part replaces its name.
         """
         scene, series = self._scene, self._grouped()
-        meshes: dict[int, str] = {}  # instances share one
+        meshes: dict[int, str] = {}  # by id, because instances share a mesh
 
-        def of(*groups: str) -> str:  # plain texts, since there may be ten thousand of them
+        # A single hash is returned as it is, to save time: there may be ten thousand objects.
+        def of(*groups: str) -> str:
             rows = [sorted(series.get(group, ())) for group in groups]
             if len(rows) == len(rows[0]) == 1 and not rows[0][0][0]:
                 return rows[0][0][1]
@@ -161,9 +170,10 @@ class ContentHash:
         return found
 
     def _grouped(self) -> dict[str, list[tuple[str, str]]]:
-        """Return name and hash of each series of each thing, such as of 'channel/body/3'.
+        """Return names and hashes of the series of each part, by the part.
 
-        A thing's number is no part of the name: another name may change it.
+        A part is named by kind and index, such as 'channel/body/3'. The names of its series lack the index, because it
+        may change when another object is renamed.
         """
         found: dict[str, list[tuple[str, str]]] = {}
         for key, series in self._series.items():

@@ -1,4 +1,4 @@
-"""A sampled scene from poses, for scripts that run without Blender's animation."""
+"""Sampled scenes from poses, for scripts without Blender's animation."""
 
 from __future__ import annotations
 
@@ -23,13 +23,16 @@ def scene_from_poses(
 ) -> TactileScene:
     """Return a scene of bodies, fingers and screens from their sampled poses.
 
-    Every sample is a frame.
-
-    Each thing comes with a position [m], shape (3,), or positions, shape (n, 3), where it keeps the world's axes; or
-    with a pose or poses, object to world, shape (4, 4) or (n, 4, 4).
+    Every sample is a frame. Each finger, body and screen comes with its path. A path is one position [m], shape (3,),
+    or one per sample, shape (n, 3), with the axes of the world; or one object-to-world matrix, shape (4, 4), or one per
+    sample, shape (n, 4, 4). A single position or matrix holds for all samples.
 
     Args:
         rate: samples per second [Hz].
+        fingers: fingers with their paths.
+        bodies: bodies with their paths.
+        screens: screens with their paths.
+        name: name of the scene.
 
     >>> from dermis import Body, Finger, Surface, scene_from_poses
     >>> plate = Body("Plate", Surface.block().mesh, {"friction": 0.5})
@@ -38,8 +41,8 @@ def scene_from_poses(
     TactileScene('scene', frames 1 to 3, 0.02 s at 100 Hz, 1 fingers, 1 bodies, 0 screens)
 
     Raises:
-        DermisError: a rate that is not above zero, poses of another shape or not finite, things that move for different
-            times, nothing that moves, or a scene that cannot be rendered (see `TactileScene.validate`).
+        DermisError: the rate is not above zero, a path has another shape or is not finite, paths have different numbers
+            of samples, nothing moves, or the scene cannot be rendered (see `TactileScene.validate`).
     """
     if not (np.isfinite(rate) and rate > 0):
         raise DermisError("the sampling rate must be positive", where=f"scene '{name}'", value=rate, limit="> 0 Hz")
@@ -70,7 +73,7 @@ def scene_from_poses(
 
 
 def _poses(name: str, where: ArrayLike) -> Array:
-    """Return what places a thing as poses, shape (n, 4, 4), one where it is still."""
+    """Return a path as matrices, shape (n, 4, 4); n is 1 without motion."""
     given = np.asarray(where, np.float64)
     if given.shape[-1:] == (3,) and given.ndim in (1, 2):
         poses = np.tile(np.eye(4), (given.size // 3, 1, 1))

@@ -1,4 +1,7 @@
-"""Chunks that end at fixed samples, so that work on several samples does not depend on the chunks of the sweep."""
+"""Regrouped: chunks that end at fixed samples.
+
+Work on several samples at a time then does not depend on the chunks of the sweep.
+"""
 
 from __future__ import annotations
 
@@ -10,19 +13,25 @@ from .tactile_scene import Chunk
 
 
 class Regrouped:
-    """Chunks whose last samples have numbers, from 0 on in the sweep, that are multiples of some count.
+    """Forms chunks that end at the multiples of a number of samples.
+
+    The index of a chunk's last sample, counted from 0 in the whole sweep, is such a multiple. A chunk also ends where
+    other bodies deform or other parameters are animated from then on.
 
     Args:
-        every: the count; with 1 chunks stay as they come.
+        every: the number. With 1, the chunks stay as they are.
     """
 
     def __init__(self, every: int) -> None:
         self._every = every
-        self._first = 0  # number of the first sample that is left
+        self._first = 0  # index of the first sample that has not been returned
         self._left: Chunk | None = None
 
     def take(self, chunk: Chunk) -> list[Chunk]:
-        """Take the next samples; return all up to the last such number: most often one chunk, or none."""
+        """Add the next samples, and return the complete chunks.
+
+        Most often there is one such chunk, or none.
+        """
         before = [] if self._left is None or _alike(self._left, chunk) else [self._ended()]
         whole = chunk if self._left is None else joined(self._left, chunk)
         count = len(whole.times)
@@ -34,7 +43,7 @@ class Regrouped:
         return [*before, part(whole, slice(0, end))] if end else before
 
     def rest(self) -> list[Chunk]:
-        """Return the rest at the end, once."""
+        """Return the remaining samples as one chunk; nothing if none remain."""
         return [] if self._left is None else [self._ended()]
 
     def _ended(self) -> Chunk:
@@ -45,7 +54,7 @@ class Regrouped:
 
 
 def _alike(a: Chunk, b: Chunk) -> bool:
-    """Return whether two chunks tell of the same things, and can be one."""
+    """Return whether two chunks have the same series and can be joined."""
     return a.surfaces.keys() == b.surfaces.keys() and a.animated.keys() == b.animated.keys()
 
 
@@ -64,7 +73,7 @@ def part(chunk: Chunk, rows: slice) -> Chunk:
 
 
 def joined(a: Chunk, b: Chunk) -> Chunk:
-    """Return two chunks, one after the other, as one."""
+    """Return one chunk with the samples of two consecutive chunks."""
     return replace(
         b,
         frames=np.concatenate([a.frames, b.frames]),

@@ -1,7 +1,7 @@
-"""Sampled scenes as files: an .npz with a header in JSON, written and read chunk by chunk.
+"""Files of sampled scenes, written and read chunk by chunk.
 
-The file is a zip of plain .npy arrays beside `header.json`, stored without compression and with fixed time stamps, so
-that equal scenes give equal bytes. Nothing in it is ever executed or unpickled.
+A file is a zip archive (.npz) of plain .npy arrays and `header.json`, without compression and with fixed time stamps.
+Equal scenes in equal chunks therefore give equal bytes. No content of a file is ever executed or unpickled.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from ..npz import ArrayFile, opened_npz
 from .tactile_scene import SCENE_VERSION, Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, header
 
 FORMAT = "dermis-scene"
-MAX_HEADER = 1 << 26  # bytes; a deforming mesh names its triangles at every sample
-# Arrays of a chunk: dimensions, and the size of the last where it is given.
+MAX_HEADER = 1 << 26  # [bytes] large, because the header has a number per sample for the triangles of a deforming mesh
+# Arrays of a chunk: number of dimensions, and size of the last dimension if it is fixed.
 _SERIES = {"frames": (1,), "times": (1,), "fingers": (4, 4), "bodies": (4, 4), "screens": (4, 4)}
 
 
@@ -67,10 +67,11 @@ def save(scene: TactileScene, path: Path | str) -> None:
 def load(path: Path | str) -> TactileScene:
     """Read a scene from its file.
 
-    The header is read at once, the chunks at each iteration over them.
+    The header is read at once. The chunks are read at each iteration over them.
 
     Raises:
-        DermisError: missing, not a scene, damaged, or written by a newer version; reading its chunks may raise it too.
+        DermisError: the file is missing or damaged, is no scene, or was written by another version. Reading the chunks
+            may raise it, too.
     """
     path = Path(path)
     with opened_npz(path, kind="a sampled scene") as archive:
@@ -102,10 +103,10 @@ def load(path: Path | str) -> TactileScene:
 
 @dataclass(frozen=True)
 class SceneChunks:
-    """The chunks of a scene file, read one at a time whenever they are iterated.
+    """The chunks of a scene file, read one at a time at each iteration.
 
     Attributes:
-        path: the file; it must stay where it is.
+        path: path of the file, which must not be moved meanwhile.
         table: the header's entry for each chunk.
     """
 
@@ -150,7 +151,7 @@ class SceneChunks:
 
 
 class _SurfaceWriter:
-    """Writes deforming surfaces, each list of triangles only once."""
+    """Writes deforming surfaces, and each array of triangles only once."""
 
     def __init__(self, archive: zipfile.ZipFile) -> None:
         self._archive = archive
@@ -158,7 +159,7 @@ class _SurfaceWriter:
         self._last: tuple[NDArray[np.int32], int] | None = None
 
     def put(self, name: str, meshes: tuple[Mesh, ...]) -> list[int]:
-        """Write the vertices of consecutive surfaces; return which triangles each of them has."""
+        """Write consecutive surfaces; return the index of each one's triangles."""
         stacked = np.concatenate([m.vertices for m in meshes]) if meshes else np.empty((0, 3))
         put_array(self._archive, f"{name}/vertices", stacked)
         put_array(self._archive, f"{name}/counts", np.array([len(m.vertices) for m in meshes], dtype=np.int64))
@@ -263,7 +264,18 @@ def _mapping(value: Any) -> dict[str, Any]:
 
 
 def _numbers(archive: ArrayFile, name: str, sides: int, last: int = 0, *, kinds: str = "f") -> NDArray[Any]:
-    """Read an array of so many dimensions, the last one of size `last` where that is not 0."""
+    """Read an array of numbers.
+
+    Args:
+        archive: the file.
+        name: name of the array in the file.
+        sides: number of dimensions that the array must have.
+        last: size that its last dimension must have; 0 for any.
+        kinds: kinds of NumPy types that the array may have.
+
+    Raises:
+        DermisError: the array is not as required.
+    """
     array = archive.array(name)
     if array.ndim != sides or (last and array.shape[-1] != last) or array.dtype.kind not in kinds:
         raise DermisError(

@@ -1,6 +1,7 @@
-"""The sliding plane of [S1]: pressed into the pad to a depth and then drawn along; how it moves, and as a scene.
+"""The sliding plane of [S1]: its motion, and a scene with it.
 
-The target of deformation matching comes from contact with this plane and never from the pins themselves.
+The plane is pressed into the pad to a depth, and is then drawn along the pad. Contact with this plane gives the target
+of deformation matching. Contact with the pins themselves never does.
 
 Source: [S1] IV.A and eq. 19
 """
@@ -16,22 +17,29 @@ from ..arrays import Array
 from ..parameters.material import FRICTION
 from .tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, TactileScene, sample_frames
 
-STROKE = 0.02  # R [m]. Source: [S1] IV.A
-ANGULAR_VELOCITY = np.pi / 4  # omega [rad/s], a period of 8 s. Source: [S1] IV.A
-FPS = Fraction(24)
-SETTLE = 0.5  # [s] pressing and coming to rest before the plane moves; [S1] waits for 0.42 s
-PRESS = 0.25  # [s] of it, in which the plane comes in
-SLIDE = 2.0  # [s] of movement that is presented. Source: [S1] IV.A
-DEPTHS = (0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # [m]. Source: [S1] IV.A
-FRICTIONS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # Source: [S1] V.A
-DIRECTIONS = tuple(float(np.radians(a)) for a in range(0, 360, 10))  # [rad]. Source: [S1] V.B
-RATE = 240.0  # [Hz]. Source: [S1] IV.C
+STROKE = 0.02  # [m] amplitude R of the movement along the pad. Source: [S1] IV.A
+ANGULAR_VELOCITY = np.pi / 4  # [rad/s] omega of this movement, for a period of 8 s. Source: [S1] IV.A
+FPS = Fraction(24)  # frames per second
+SETTLE = 0.5  # [s] time of pressing and coming to rest before the movement; [S1] waits for 0.42 s
+PRESS = 0.25  # [s] time of pressing, at the start of SETTLE
+SLIDE = 2.0  # [s] duration of the movement along the pad. Source: [S1] IV.A
+DEPTHS = (0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # [m] depths to which the plane is pressed. Source: [S1] IV.A
+FRICTIONS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # coefficients of friction. Source: [S1] V.A
+# [rad] directions of the movement along the pad. Source: [S1] V.B
+DIRECTIONS = tuple(float(np.radians(a)) for a in range(0, 360, 10))
+RATE = 240.0  # [Hz] rate of the samples. Source: [S1] IV.C
 
 
 def plane_offset(times: Array, depth: float, direction: float) -> Array:
-    """Return where the plane's origin, on its upper face, is at each time [m], shape (n, 3).
+    """Return the plane's origin at each time [m], shape (n, 3).
 
-    The coordinate along `direction` is l(t) - l(0) with l = -R cos(wt) and t counted from the end of `SETTLE`.
+    The origin is on the upper face. Its coordinate along `direction` is l(t) - l(0) with l = -R cos(wt) and t
+    counted from the end of `SETTLE`.
+
+    Args:
+        times: times [s], shape (n,).
+        depth: final penetration of the undeformed pad [m].
+        direction: direction of the movement, see `sliding_plane` [rad].
     """
     share = np.clip(times / PRESS, 0.0, 1.0)
     height = -0.2e-3 + (depth + 0.2e-3) * share * share * (3.0 - 2.0 * share)  # from just below the pad
@@ -48,10 +56,12 @@ def sliding_plane(
     slide: float = SLIDE,
     rate: float = RATE,
 ) -> TactileScene:
-    """Return the scene: the plane comes in along the pad's normal, rests, and is drawn along by -R cos(wt).
+    """Return a scene of one finger and the sliding plane.
+
+    The plane comes in along the pad's normal, rests, and is then drawn along the pad as -R cos(wt).
 
     Args:
-        depth: how deep the undeformed pad is in the plane [m].
+        depth: penetration of the undeformed pad [m].
         friction: Coulomb coefficient.
         direction: direction of the movement in the pad's plane, from +X (the finger's right) to +Y (the tip) [rad].
         devices: devices on the finger.
@@ -74,7 +84,7 @@ def sliding_plane(
 
 
 def _slab() -> Mesh:
-    """Return a slab whose upper face is z = 0, large enough for the whole stroke."""
+    """Return a slab below z = 0, large enough for the whole movement."""
     half, thick = 0.1, 0.02
     corners = [(x, y, z) for z in (-thick, 0.0) for y in (-half, half) for x in (-half, half)]
     quads = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (1, 3, 7, 5), (3, 2, 6, 7), (2, 0, 4, 6))

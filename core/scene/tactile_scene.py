@@ -1,7 +1,7 @@
-"""TactileScene: what an animated scene hands to the engine, in chunks of samples, all in SI.
+"""TactileScene: an animated scene as input of the engine, in SI units.
 
-A scene is a header (names, parameters, meshes) and an iterable of chunks (poses over time). Fingers and
-objects are referred to by their index in the header, so a chunk is nothing but arrays.
+A scene is a header (names, parameters, meshes) and an iterable of chunks (poses over time). A chunk consists of arrays
+only, and refers to fingers, bodies and screens by their index in the header.
 """
 
 from __future__ import annotations
@@ -31,10 +31,12 @@ SCENE_VERSION = 1
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """A triangle surface in its object's own space. Compared and hashed by identity, so caches can hold it.
+    """A surface of triangles in its object's own space.
+
+    Meshes are compared and hashed by identity, so that they can be keys of caches.
 
     Attributes:
-        vertices: [m] before the object's matrix, shape (V, 3).
+        vertices: positions before the object's matrix [m], shape (V, 3).
         triangles: vertex indices, counter-clockwise seen from outside, shape (T, 3), int32.
     """
 
@@ -47,12 +49,12 @@ class Mesh:
 
 @dataclass(frozen=True)
 class DeviceUse:
-    """One device worn by a finger, or one screen that it touches.
+    """One device that a finger wears, or one device of touch screens.
 
     Attributes:
-        preset: the file stem of the device preset, such as 'haptip'.
+        preset: file stem of the device preset, such as 'haptip'.
         parameters: settings of this use: switches and methods (SI or plain values).
-        screen: name of the touch screen object, for screens.
+        screen: name of the touch screen, for devices of screens; empty for all screens.
     """
 
     preset: str
@@ -62,11 +64,14 @@ class DeviceUse:
 
 @dataclass(frozen=True)
 class Finger:
-    """A fingertip: origin at the pad's centre, +Y towards the tip, +Z towards the nail.
+    """A fingertip.
+
+    Its origin is at the centre of the pad. +Y points towards the tip, +Z towards the nail.
 
     Attributes:
-        name: unique among the scene's fingers. devices: in the order of the outputs.
-        parameters: fingertip and touch parameters (SI), constant over the scene.
+        name: unique among the scene's fingers.
+        devices: devices in the order of the outputs.
+        parameters: parameters of the fingertip and of touch (SI), constant over the scene.
     """
 
     name: str
@@ -80,11 +85,12 @@ class Body:
 
     Attributes:
         name: unique among the scene's bodies.
-        parameters: haptic material and behaviour (SI), such as `Library.material` gives; animated ones come with the
+        mesh: surface in the object's own space, for chunks that have no surface of the body; None if every chunk has
+            one.
+        parameters: haptic material and behaviour (SI), such as from `Library.material`. Animated parameters are in the
             chunks.
-        mesh: the surface in the object's space, where a chunk brings none; None where every chunk brings its own.
-        content: names of bodies that this one contains, for [S3] eq. 5.
-        simulated: moved by a simulation and therefore sampled at whole frames.
+        content: names of bodies that this body contains, for [S3] eq. 5.
+        simulated: whether a simulation moves the body, which is then sampled at whole frames.
     """
 
     name: str
@@ -94,7 +100,7 @@ class Body:
     simulated: bool = False
 
 
-# Coordinate that stands for a missing surface at a sample [m]: too far away to be touched.
+# Surface of a body at samples at which it has none [m]: a triangle that is too far away to be touched.
 ABSENT = Mesh(
     np.array([[1e6, 1e6, 1e6], [1e6 + 1.0, 1e6, 1e6], [1e6, 1e6 + 1.0, 1e6]]), np.array([[0, 1, 2]], np.int32)
 )
@@ -102,17 +108,21 @@ ABSENT = Mesh(
 
 @dataclass(frozen=True)
 class Screen:
-    """A touch screen: a rectangle in its object's XY plane, centred, +Z towards the viewer.
+    """A touch screen.
+
+    It is a rectangle in the XY plane of its object, with the object's origin at its centre. +Z points to the viewer.
 
     Attributes:
-        size: width and height [m] before the object's matrix.
-        height_map: F, height towards the viewer, row 0 at the bottom (y = -height/2); shape (rows, columns), or
-            (maps, rows, columns) for one that changes: `parameters['sequence_start']` is the scene frame of the first
-            map and 'map_fps' their rate (one a frame where it is not given).
-        height_unit: metres that one unit of the map stands for (0 where the map has no physical unit).
-        parameters: rendering settings (SI or plain values).
+        name: unique among the scene's screens.
+        size: width and height before the object's matrix [m].
+        height_map: F, height towards the viewer, row 0 at the bottom (y = -height/2), shape (rows, columns). A sequence
+            of maps has shape (maps, rows, columns). `parameters['sequence_start']` is then the scene frame of the first
+            map, and `parameters['map_fps']` is the number of maps per second (without it, one map per frame).
+        height_unit: metres per unit of the map; 0 if the map has no physical unit.
+        parameters: settings of the rendering (SI or plain values).
         findings: repairs and warnings from reading the map.
-        holes: where its heights were filled in because nothing was measured, booleans of its shape; None: nowhere.
+        holes: pixels whose height was filled in because nothing was measured there, bool, shape of `height_map`; None
+            without such pixels.
     """
 
     name: str
@@ -133,13 +143,13 @@ class Chunk:
     """Consecutive samples of everything that moves.
 
     Attributes:
-        frames: scene frame of each sample, sub-frames as fractions, shape (n,).
-        times: [s] since the start of the range, shape (n,).
+        frames: scene frame of each sample, with fractions between frames, shape (n,).
+        times: time since the start of the range [s], shape (n,).
         fingers, bodies, screens: object-to-world matrices [translation in m], shape (count, n, 4, 4).
-        surfaces: per deforming body its surface at each sample; the same triangles array where topology holds. A body
-            with a surface in the header may deform in some chunks only.
-        animated: animated parameters, keyed 'finger/0/pattern', 'body/3/friction', shape (n,). Where a chunk does not
-            bring one, the header's value holds.
+        surfaces: surface of each deforming body at each sample, by the index of the body. Surfaces of the same topology
+            share the array of triangles. A body with a surface in the header may deform in some chunks only.
+        animated: animated parameters, shape (n,), by keys such as 'finger/0/pattern' and 'body/3/friction'. A chunk
+            that lacks a parameter has the header's value of it.
     """
 
     frames: Array
@@ -161,12 +171,14 @@ class TactileScene:
 
     Attributes:
         name: name for messages and files.
-        fingers, bodies, screens: the objects that take part; chunks refer to them by their index.
-        fps: frames a second as an exact fraction (29.97 is 30000/1001).
+        fingers, bodies, screens: the objects of the scene; chunks refer to them by their index.
+        fps: frames per second as an exact fraction (29.97 is 30000/1001).
         frame_range: first and last frame, both included.
-        rate: samples a second of the sweep.
-        gravity: [m/s^2] in world space, shape (3,).
-        chunks: an iterable of `Chunk`; it may be a generator that samples while it is read, once.
+        rate: samples per second [Hz].
+        chunks: iterable of `Chunk`. It may be a generator that samples the scene while it is read, and can be read only
+            once.
+        gravity: acceleration of gravity in world space [m/s^2], shape (3,).
+        findings: findings from the sampling of the scene.
     """
 
     name: str
@@ -194,29 +206,40 @@ class TactileScene:
 
     @property
     def sample_count(self) -> int:
-        """Number of samples of the whole sweep, both ends included."""
+        """Number of samples of the whole range, both ends included."""
         return sample_count(self.fps, self.frame_range, self.rate)
 
     def validate(self) -> None:
         """Refuse a scene that cannot be rendered.
 
         Raises:
-            DermisError: nothing to do, a name used twice, a reversed range, a parameter out of range, a broken mesh or
-                map.
+            DermisError: the scene has no finger or nothing to touch, its range has no duration, its rate or gravity is
+                no physical value, two objects of a kind have the same name, a parameter is out of range, or a mesh is
+                damaged, see `check_mesh`.
         """
         validate(self)
 
 
 def device_times(scene: TactileScene, rate: float) -> Array:
-    """Return the times of a device's commands over a scene's range [s]; they do not depend on fps."""
+    """Return the times of a device's commands over a scene's range [s].
+
+    The times are multiples of 1 / `rate`, at any number of frames per second. The shape is (n,).
+    """
     return np.arange(sample_count(scene.fps, scene.frame_range, rate)) / rate
 
 
 def sample_count(fps: Fraction, frame_range: tuple[int, int], rate: float) -> int:
-    """Return how many samples cover a range at `rate` [Hz], the last at or just before its end.
+    """Return the number of samples of a range.
+
+    The first sample is at the start of the range, the last one at its end or less than 1 / `rate` before it.
+
+    Args:
+        fps: frames per second.
+        frame_range: first and last frame.
+        rate: samples per second [Hz].
 
     Raises:
-        DermisError: a rate that is none, or more samples than a track can hold.
+        DermisError: `fps` or `rate` is not above zero, or a track cannot hold as many samples.
     """
     if not (fps > 0 and np.isfinite(rate) and rate > 0):
         raise DermisError(
@@ -238,9 +261,10 @@ def sample_count(fps: Fraction, frame_range: tuple[int, int], rate: float) -> in
 
 
 def sample_frames(fps: Fraction, frame_range: tuple[int, int], rate: float) -> tuple[Array, Array]:
-    """Return the scene frames and the times [s] of a sweep; the times do not depend on fps.
+    """Return the scene frames and the times [s] of the samples of a range.
 
-    Frames that fall within 1e-9 of a whole frame are exactly whole.
+    Both have shape (n,). The times are multiples of 1 / `rate`, at any number of frames per second. Frames within 1e-9
+    of a whole frame are exactly whole.
     """
     n = sample_count(fps, frame_range, rate)
     times = np.arange(n) / rate
@@ -250,10 +274,14 @@ def sample_frames(fps: Fraction, frame_range: tuple[int, int], rate: float) -> t
 
 
 def constant(scene: TactileScene, key: str) -> float:
-    """Return the header's value of a parameter that other chunks animate, such as 'body/3/friction'.
+    """Return the header's value of a parameter that a chunk does not animate.
+
+    Args:
+        scene: the scene's header.
+        key: key of the parameter as in `Chunk.animated`, such as 'body/3/friction'.
 
     Raises:
-        DermisError: the key names nothing of the header.
+        DermisError: the header has no number of this key.
     """
     kind, _, rest = key.partition("/")
     places, _, name = rest.rpartition("/")
@@ -273,7 +301,10 @@ def constant(scene: TactileScene, key: str) -> float:
 
 
 def unknown_settings(scene: TactileScene) -> Iterator[Finding]:
-    """Yield a warning for each name among parameters that no setting has: a misspelt one would do nothing."""
+    """Yield a warning for each parameter whose name is no setting.
+
+    A misspelt parameter would otherwise have no effect without notice.
+    """
     finger = {**FINGER, **SKIN_CONTACT, "skin": None}
     groups: list[tuple[str, Mapping[str, Any], Iterable[str]]] = []
     for one in scene.fingers:
@@ -283,7 +314,7 @@ def unknown_settings(scene: TactileScene) -> Iterator[Finding]:
         groups += [(f"device '{use.preset}' of finger '{one.name}'", use.parameters, DEVICE) for use in one.devices]
     groups += [(f"object '{body.name}'", body.parameters, BODY) for body in scene.bodies]
     groups += [(f"screen '{screen.name}'", screen.parameters, {**SCREEN, **SEQUENCE}) for screen in scene.screens]
-    judged: set[int] = set()  # instances share their parameters
+    judged: set[int] = set()  # instances share their parameters, which are checked once
     for where, given, known in groups:
         names = () if id(given) in judged else given
         judged.add(id(given))
@@ -332,8 +363,9 @@ def validate(scene: TactileScene) -> None:
         ("screen", scene.screens, {**SCREEN, **SEQUENCE}),
     )
     for kind, items, table in groups:
-        judged: set[int] = set()  # instances share their parameters
-        for item in items:  # devices and skins are judged where they are rendered: others can go on without them
+        judged: set[int] = set()  # instances share their parameters, which are checked once
+        # Devices and skins are checked when they are rendered, so that an error of one does not stop the others.
+        for item in items:
             if id(item.parameters) not in judged:
                 judged.add(id(item.parameters))
                 for row in table.values():
@@ -343,13 +375,19 @@ def validate(scene: TactileScene) -> None:
                 raise DermisError(
                     f"two {kind}s have the same name", where=where, value=name, remedy="Rename one of them"
                 )
-    for mesh, name in {body.mesh: body.name for body in reversed(scene.bodies)}.items():  # they share meshes too
+    # Instances share meshes, which are checked once.
+    for mesh, name in {body.mesh: body.name for body in reversed(scene.bodies)}.items():
         if mesh is not None:
             check_mesh(mesh, f"object '{name}'")
 
 
 def check_mesh(mesh: Mesh, where: str) -> None:
-    """Refuse a surface that is empty, not finite, or has indices that are none of its vertices."""
+    """Refuse an empty or damaged surface.
+
+    Raises:
+        DermisError: the mesh has no faces, its vertices are not finite, or its triangles are not indices of its
+            vertices.
+    """
     if len(mesh.vertices) == 0 or len(mesh.triangles) == 0:
         raise DermisError("the mesh has no faces", where=where, remedy="Give it faces, or stop it being touchable")
     if not np.isfinite(mesh.vertices).all():
@@ -366,7 +404,10 @@ def check_mesh(mesh: Mesh, where: str) -> None:
 
 
 def header(scene: TactileScene) -> dict[str, Any]:
-    """Return everything but arrays as plain JSON values, for the hash and for files."""
+    """Return everything but arrays and findings, as JSON values.
+
+    The result is part of the content hash and of scene files.
+    """
     return {
         "version": SCENE_VERSION,
         "name": scene.name,

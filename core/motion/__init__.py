@@ -1,9 +1,10 @@
-"""Motion: poses sampled over time, made smooth enough to be differentiated twice.
+"""Motion: smooth motions through sampled poses.
 
-Position is a cubic spline with not-a-knot ends, so a parabola (a falling body) keeps its acceleration to the very
-first sample. Rotation is a cubic spline through the four components of the unit quaternions (signs made continuous),
-normalised where it is read. Both are twice continuously differentiable and exact at the samples; velocity,
-acceleration and angular velocity are the exact derivatives of the interpolation, not differences.
+Position is a cubic spline with not-a-knot ends, so that a parabola (a falling body) keeps its acceleration up to the
+first sample. Rotation is a cubic spline through the four components of the unit quaternions, whose signs are made
+continuous. A quaternion of this spline is normalised when it is evaluated. Position and rotation are exact at the
+samples and twice continuously differentiable. Velocity, acceleration and angular velocity are the exact derivatives of
+the interpolation, not differences.
 """
 
 from .motion import Motion, MotionSamples

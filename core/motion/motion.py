@@ -1,4 +1,4 @@
-"""Motion: a pose that moves, and its rates."""
+"""Motion: a smooth motion through sampled poses, with its derivatives."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ class Motion:
     """A smooth motion through sampled poses.
 
     Args:
-        times: [s], strictly rising, shape (n,), or those of other motions. One sample means at rest, two mean uniform
-            speed.
+        times: times of the samples [s], strictly rising, shape (n,), or the knots of other motions. One sample means
+            rest. Two samples mean uniform velocity, but the rotation is only nearly uniform.
         poses: object-to-world matrices of any invertible scale, shape (n, 4, 4).
-        positions: the spline through their origins [m], where it is known.
+        positions: spline through the origins of the poses [m], if it is known already; None to make it.
 
     Raises:
         DermisError: see `Spline` and `rotations`.
@@ -29,18 +29,23 @@ class Motion:
         self.positions = Spline(times, poses[:, :3, 3]) if positions is None else positions
         self.knots = self.positions.knots
         self._linear = poses[:, :3, :3]
-        self._rotations: Spline | None = None  # where they are known
+        self._rotations: Spline | None = None  # set only by `several`
 
     @property
     def times(self) -> Array:
-        """Of the samples [s], shape (n,)."""
+        """Times of the samples [s], shape (n,)."""
         return self.knots.times
 
     @classmethod
     def several(cls, times: Array | Knots, poses: Array) -> list[Motion | None]:
-        """Return several motions, shape (m, n, 4, 4), that are solved together: of short ones that is much faster.
+        """Return several motions, which are solved together.
 
-        One that is without an inverse at some sample is None, so that it does not take the others with it.
+        For short motions, this is much faster than one motion after the other. A motion is None if a pose of it has no
+        inverse; the other motions are not affected.
+
+        Args:
+            times: times of the samples [s], strictly rising, shape (n,), or the knots of other motions.
+            poses: object-to-world matrices, shape (m, n, 4, 4).
 
         Raises:
             DermisError: see `Spline`.
@@ -64,7 +69,7 @@ class Motion:
 
     @cached_property
     def rotations(self) -> Spline:
-        """The spline through the unit quaternions (w, x, y, z)."""
+        """Spline through the unit quaternions (w, x, y, z)."""
         if self._rotations is not None:
             return self._rotations
         if (self._linear == self._linear[0]).all():
@@ -74,20 +79,22 @@ class Motion:
 
     @cached_property
     def at_first(self) -> Array:
-        """The object-to-world rotation matrix at the first sample, shape (3, 3)."""
+        """Object-to-world rotation matrix at the first sample, shape (3, 3)."""
         first: Array = matrices(self.rotations.values[:1])[0]
         return first
 
     def at(self, t: Array) -> MotionSamples:
-        """Return the motion at times [s], shape (m,); each quantity is computed when it is first read."""
+        """Return the motion at times [s], shape (m,)."""
         return MotionSamples(self, np.asarray(t, dtype=np.float64))
 
 
 class MotionSamples:
-    """A motion at given times: position, rotation and their rates, each computed when first read.
+    """A motion at given times: position, rotation and their derivatives.
+
+    Each quantity is computed when it is first read.
 
     Attributes:
-        times: [s], shape (m,).
+        times: the given times [s], shape (m,).
     """
 
     def __init__(self, motion: Motion, times: Array) -> None:
@@ -97,17 +104,17 @@ class MotionSamples:
 
     @cached_property
     def position(self) -> Array:
-        """[m], shape (m, 3)."""
+        """Position [m], shape (m, 3)."""
         return self._motion.positions.at(self.times, 0, self._piece)
 
     @cached_property
     def velocity(self) -> Array:
-        """[m/s], shape (m, 3)."""
+        """Velocity [m/s], shape (m, 3)."""
         return self._motion.positions.at(self.times, 1, self._piece)
 
     @cached_property
     def acceleration(self) -> Array:
-        """[m/s^2], shape (m, 3)."""
+        """Acceleration [m/s^2], shape (m, 3)."""
         return self._motion.positions.at(self.times, 2, self._piece)
 
     @cached_property
@@ -124,10 +131,10 @@ class MotionSamples:
 
     @cached_property
     def angular_velocity(self) -> Array:
-        """In world axes [rad/s], shape (m, 3)."""
+        """Angular velocity in world axes [rad/s], shape (m, 3)."""
         if not self.turns:
             return np.zeros((len(self.times), 3))
-        # For q not of unit length the vector part of q' q* / |q|^2 is that of its normalised form.
+        # Between samples, q is not of unit length. The vector part of q' q* / |q|^2 is still that of the normalised q.
         q = self._quaternion
         p = self._motion.rotations.at(self.times, 1, self._piece)
         w, v = q[:, 0], q[:, 1:]

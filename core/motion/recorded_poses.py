@@ -1,4 +1,4 @@
-"""RecordedPoses: places over time from a text file, with or without how the thing was turned."""
+"""RecordedPoses: positions from a text file, with or without rotations."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from .rotation import matrices
 
 PLACE = ("x", "y", "z")
 QUATERNION, VECTOR, EULER = ("qw", "qx", "qy", "qz"), ("vx", "vy", "vz"), ("rx", "ry", "rz")
-OFF_UNIT = 0.01  # of a quaternion's length: what rounding its four numbers to two decimals can take off or add
-REACH = 3.0  # [m] that no hand moves, so that places which do are no metres
-ROOM = 10.0  # [m] from its origin that a tracker reaches: SteamVR's largest room is 10 m wide and long
+OFF_UNIT = 0.01  # largest deviation of a quaternion's length from 1, as from numbers rounded to two decimals
+REACH = 3.0  # [m] no hand moves farther, so positions over a larger range are not in metres
+ROOM = 10.0  # [m] no tracker reaches farther from its origin: SteamVR's largest room is 10 m wide and long
 TURNS = {
     "none": (),
     "wxyz": ("qw", "qx", "qy", "qz"),
@@ -29,10 +29,10 @@ TURNS = {
     "vector_rad": ("rotvec_x_rad", "rotvec_y_rad", "rotvec_z_rad"),
     "vector_deg": ("rotvec_x_deg", "rotvec_y_deg", "rotvec_z_deg"),
 }
-"""How rows may tell a rotation, and the names of its columns."""
+"""Names of the columns of a rotation, by its notation and unit."""
 TIMES = {"none": (), "s": ("time_s",), "ms": ("time_ms",), "us": ("time_us",), "ns": ("time_ns",), "frame": ("frame",)}
-"""How rows may tell their time."""
-NOT_SAID = "columns-not-said"  # the code of a refusal that `columns` answers
+"""Names of the columns of the time, by its unit."""
+NOT_SAID = "columns-not-said"  # code of errors that the argument `columns` of `read` can avoid
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,9 +40,10 @@ class RecordedPoses:
     """Poses over time.
 
     Attributes:
-        times: [s] from 0, rising, shape (n,). places: [m], shape (n, 3).
-        turns: rotation matrices, shape (n, 3, 3); None where the file has none.
-        unused: names of columns that are no part of it.
+        times: times from 0 [s], rising, shape (n,).
+        places: positions [m], shape (n, 3).
+        turns: rotation matrices, shape (n, 3, 3); None if the file has no rotations.
+        unused: names of the columns that are not used.
     """
 
     times: Array
@@ -53,7 +54,13 @@ class RecordedPoses:
 
 @dataclass(frozen=True)
 class Guess:
-    """Contents of a file without names: keys of `TIMES` and `TURNS`, and the unit of places; '' if nothing tells."""
+    """Most likely columns of a file without names.
+
+    Attributes:
+        time: key of `TIMES`; '' if the numbers do not decide it.
+        turn: key of `TURNS`; '' if the numbers do not decide it.
+        unit: unit of the positions, 'm' or 'mm'; '' if neither fits.
+    """
 
     time: str
     turn: str
@@ -63,18 +70,21 @@ class Guess:
 def read(path: Path, *, columns: str = "", rate: float = 100.0, unit: float | None = None) -> RecordedPoses:
     """Read recorded poses.
 
-    The file's line of names says which column is what, and in which unit: 'time [ms]', 'x_mm', 'rx_deg', 'qw'. Times
-    without a unit are seconds. Angles `rx, ry, rz` and `roll, pitch, yaw` are turns about the fixed X, then Y, then Z.
+    The names in the file give meaning and unit of its columns: 'time [ms]', 'x_mm', 'rx_deg', 'qw'. Times without a
+    unit are in seconds. The angles `rx, ry, rz` and `roll, pitch, yaw` are rotations about the fixed X axis, then Y,
+    then Z.
 
     Args:
-        columns: names with commas between, for a file that has none, or instead of its own.
-        rate: rows or frames a second, of a file that counts frames or has no times.
-        unit: unit of positions whose names have none [m]; metres if left out.
+        path: path of the file.
+        columns: names separated by commas, for a file without names, or in place of the file's own names.
+        rate: rows or frames per second [Hz], for a file that has frames or no times.
+        unit: unit of positions whose names have no unit [m]; None for metres.
 
     Raises:
-        DermisError: the code is 'columns-not-said' where the file does not name its columns, and where nobody says a
-            unit and the numbers can be no seconds or metres; numbers that contradict the names: a quaternion far from
-            unit length, times that do not rise or last longer than a day.
+        DermisError: with the code 'columns-not-said' if the columns are not named, if the angles `rx, ry, rz` have no
+            unit, or if times or positions have no unit and cannot be in seconds or metres. With other codes if the
+            numbers contradict the names (a quaternion is far from unit length, times do not rise or last longer than a
+            day), if a number is missing, or if there is only one row.
     """
     return of_rows(read_rows(path), columns=columns, rate=rate, unit=unit)
 
@@ -123,7 +133,7 @@ def guess(rows: Rows) -> Guess:
     timed = count in (4, 8) or (count == 7 and rises and not _unit_length(values[:, 3:]))
     rest = values[:, 3 + timed :]
     unit = _length_unit(values[:, timed : timed + 3])
-    as_tum = rows.spaced and count == 8  # the TUM format, whose places are metres
+    as_tum = rows.spaced and count == 8  # the TUM format, whose positions are in metres
     turn = "none"
     if rest.shape[1] == 3:
         turn = "euler" + _angle_unit(rest)
@@ -134,10 +144,11 @@ def guess(rows: Rows) -> Guess:
 
 
 def suggestion(rows: Rows, known: Sequence[Column] = ()) -> str:
-    """Return the names of columns that most likely fit a file without names; '' where none fits.
+    """Return the most likely names of a file's columns; '' if none fit.
 
     Args:
-        known: the given names of the columns; the file's own names without them.
+        rows: rows of the file.
+        known: columns by names that were given; empty for the file's own names.
 
     Raises:
         DermisError: see `column_names.columns_of`.
@@ -146,7 +157,7 @@ def suggestion(rows: Rows, known: Sequence[Column] = ()) -> str:
     if not set(PLACE) <= {column.meaning for column in known}:
         found = guess(rows)
         if not (found.time and found.turn and found.unit) or (rows.names and found.turn != "none"):
-            return ""  # names that are there say something else than a rotation
+            return ""  # the file's own names contradict a guess that has a rotation
         usual = names_of(found.time, found.turn, found.unit)
         return usual if usual.count(",") + 1 == rows.values.shape[1] else ""
 
@@ -166,30 +177,31 @@ def suggestion(rows: Rows, known: Sequence[Column] = ()) -> str:
 
 
 def names_of(time: str, turn: str, unit: str = "m") -> str:
-    """Return the names of columns in the usual order: the time, the place, the rotation.
+    """Return names of columns in the usual order: time, position, rotation.
 
     Args:
         time, turn: keys of `TIMES` and `TURNS`.
-        unit: unit of the positions.
+        unit: unit of the positions, 'm' or 'mm'.
     """
     return ", ".join((*TIMES[time], *(f"{axis}_{unit}" for axis in PLACE), *TURNS[turn]))
 
 
 def _far(places: Array) -> bool:
-    """Return whether places are too far from each other, or from their origin, to be metres."""
+    """Return whether positions are too far apart or too far away for metres."""
     return bool(np.nanmax(np.ptp(places, axis=0), initial=0.0) > REACH or np.nanmax(np.abs(places), initial=0.0) > ROOM)
 
 
 def _length_unit(places: Array) -> str:
-    """Return 'm' where places can be metres, 'mm' where they can be millimetres, else ''."""
+    """Return 'm' or 'mm', the first of them that positions can have, else ''."""
     return "m" if not _far(places) else "mm" if not _far(1e-3 * places) else ""
 
 
 def _order(turns: Array, as_tum: bool) -> str:
-    """Return the key of `TURNS` for four columns of a quaternion; '' where nothing tells.
+    """Return the key of `TURNS` for four columns of a quaternion, or ''.
 
-    How far rows are apart is the same in either order. A row without a turn tells it, as recordings have where they
-    begin; so does the layout of the TUM format, eight numbers with spaces between.
+    Distances between rows do not show the order, because they are the same in either order. The order is known if a
+    row has no rotation, since then w is 1 or -1; recordings often begin with such a row. It is also known from the
+    layout of the TUM format, which is eight numbers separated by spaces.
     """
     still = np.any(np.abs(np.abs(turns) - 1.0) < 1e-6, axis=0).tolist()
     told = {key for key, index in (("wxyz", 0), ("xyzw", 3)) if still[index]} | ({"xyzw"} if as_tum else set())
@@ -197,15 +209,15 @@ def _order(turns: Array, as_tum: bool) -> str:
 
 
 def _angle_unit(angles: Array) -> str:
-    """Return '_deg' where angles go beyond a whole turn in radians, else '_rad'."""
+    """Return '_deg' if an angle exceeds a full turn in radians, else '_rad'."""
     return "_deg" if np.nanmax(np.abs(angles), initial=0.0) > tau else "_rad"
 
 
 def _known(rows: Rows, columns: str) -> tuple[Column, ...]:
-    """Return the meaning of each column.
+    """Return the columns: name, meaning and unit.
 
     Raises:
-        DermisError: no or too few names are given.
+        DermisError: names are missing, unknown or too few, or the unit of an angle is missing.
     """
     if columns.strip():
         names = [name.strip() for name in columns.split(",")]
@@ -271,7 +283,17 @@ def _unit_length(values: Array) -> bool:
 
 
 def _quaternions(given: Array, turn: Sequence[str], rows: Rows, column: int) -> Array:
-    """Return quaternions w, x, y, z of a rotation as rows have it, shape (n, 4)."""
+    """Return the quaternions (w, x, y, z) of rotations, shape (n, 4).
+
+    Args:
+        given: numbers of the rotations, shape (n, 3) or (n, 4).
+        turn: meanings of the columns of `given`: `QUATERNION`, `VECTOR` or `EULER`.
+        rows: rows of the file, for errors.
+        column: index of the first column of `given` in the file, for errors.
+
+    Raises:
+        DermisError: a quaternion is not of unit length.
+    """
     if turn == VECTOR:
         angle = np.linalg.norm(given, axis=1)
         return np.column_stack([np.cos(0.5 * angle), given * (0.5 * np.sinc(angle / tau))[:, None]])

@@ -1,4 +1,4 @@
-"""Rotations of many poses: out of any invertible matrix, as quaternions and back."""
+"""Rotations of many poses, from linear maps, as matrices or quaternions."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ SINGULAR = 1e-9
 def rotations(linear: Array) -> Array:
     """Return the rotations nearest to linear maps, shape (n, 3, 3).
 
-    A mirrored map (negative determinant) gives the rotation that is left after a mirror through the origin.
+    A mirrored map (negative determinant) is first multiplied by -1, which is a reflection through the origin.
 
     Raises:
-        DermisError: a map without an inverse, such as one of scale 0.
+        DermisError: a map has no inverse, such as with scale 0.
     """
     out, flat = turns_of(linear)
     if flat.any():
@@ -32,7 +32,14 @@ def rotations(linear: Array) -> Array:
 
 
 def turns_of(linear: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return the `rotations` of linear maps (n, 3, 3), 0 for those without an inverse, and which have none, (n,)."""
+    """Return the `rotations` of linear maps, and which maps have none.
+
+    Args:
+        linear: the maps, shape (n, 3, 3).
+
+    Returns:
+        Rotations, 0 for maps without an inverse, shape (n, 3, 3), and whether a map has no inverse, shape (n,).
+    """
     unit, volume = _columns(linear)
     flat = ~(np.abs(volume) > SINGULAR)
     if flat.any():
@@ -51,14 +58,19 @@ def turns_of(linear: Array) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def singular(linear: Array) -> NDArray[np.bool_]:
-    """Return which of the linear maps (n, 3, 3) have no inverse to speak of, shape (n,)."""
+    """Return which linear maps have practically no inverse, shape (n,).
+
+    Args:
+        linear: the maps, shape (n, 3, 3).
+    """
     return ~(np.abs(_columns(linear)[1]) > SINGULAR)
 
 
 def _columns(linear: Array) -> tuple[Array, Array]:
-    """Unit columns, components lying together, shape (3, 3, n), and the signed volume that they span, shape (n,).
+    """Return the unit columns of linear maps, and the volumes they span.
 
-    NaN at scale 0.
+    The columns have shape (3, 3, n): component, column, map. The signed volumes have shape (n,). A column of length 0,
+    and the volume with it, is NaN.
     """
     unit = linear.transpose(1, 2, 0).astype(np.float64, order="C")
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -68,14 +80,17 @@ def _columns(linear: Array) -> tuple[Array, Array]:
 
 
 def _sums(rows: Array) -> Array:
-    """Return the sum of three rows, first to last."""
+    """Return the sum of three rows, added from the first to the last."""
     total: Array = rows[0] + rows[1]
     total += rows[2]
     return total
 
 
 def quaternions(matrix: Array) -> Array:
-    """Return unit quaternions (w, x, y, z) of rotation matrices (n, 3, 3), shape (n, 4)."""
+    """Return unit quaternions (w, x, y, z) of rotation matrices.
+
+    The shapes are (n, 4) and (n, 3, 3).
+    """
     xx, yy, zz = matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 2, 2]
     squares = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=1)
     largest = np.argmax(squares, axis=1)  # dividing by the largest component loses no digits
@@ -91,7 +106,10 @@ def quaternions(matrix: Array) -> Array:
 
 
 def continuous(quaternion: Array) -> Array:
-    """Return quaternions (..., n, 4) with signs such that each is nearest to the one before."""
+    """Return quaternions with the signs of a continuous path.
+
+    Each is the nearer of q and -q to the quaternion before. The shape is (..., n, 4).
+    """
     turns = np.einsum("...ij,...ij->...i", quaternion[..., 1:, :], quaternion[..., :-1, :]) < 0.0
     sign = np.ones(quaternion.shape[:-1])
     np.cumprod(np.where(turns, -1.0, 1.0), axis=-1, out=sign[..., 1:])
@@ -99,7 +117,10 @@ def continuous(quaternion: Array) -> Array:
 
 
 def matrices(quaternion: Array) -> Array:
-    """Return rotation matrices (n, 3, 3) of quaternions (w, x, y, z) of any length above zero, shape (n, 4)."""
+    """Return the rotation matrices of quaternions (w, x, y, z).
+
+    The quaternions may have any length above zero. The shapes are (n, 4) and (n, 3, 3).
+    """
     w, x, y, z = scaled(quaternion, math.sqrt(2.0) / np.sqrt(dot(quaternion, quaternion))).T
     out = np.empty((3, 3, len(w)))
     xx, yy, zz = x * x, y * y, z * z
@@ -111,10 +132,12 @@ def matrices(quaternion: Array) -> Array:
 
 
 def accumulated(quaternion: Array) -> Array:
-    """Return a path whose velocity is the angular velocity in world axes: the sum of the turns so far [rad], (n, 3).
+    """Return the sum of the rotations between samples [rad], shape (n, 3).
+
+    The rotations are vectors in world axes. The derivative of the sum is the angular velocity.
 
     Args:
-        quaternion: unit, of each sample, signs continuous, shape (n, 4).
+        quaternion: unit quaternion of each sample, with continuous signs, shape (n, 4).
     """
     before, after = quaternion[:-1], quaternion[1:]
     w, v = before[:, 0], before[:, 1:]

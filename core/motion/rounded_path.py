@@ -1,8 +1,9 @@
-"""RoundedPath: the acceleration of a path whose kinks, the jumps of its velocity, are rounded.
+"""RoundedPath: acceleration of a path whose kinks are rounded.
 
-Keys joined by straight lines, steps and baked captures have kinks. A jump of velocity needs infinite acceleration; a
-body with inertia needs a finite time for it. A sample is a kink if its change of velocity is an outlier among the
-samples around it. A smooth path has no kinks, and its acceleration is unchanged to the last digit.
+A kink is a jump of the velocity. Straight lines between keys, steps and baked captures have kinks. A jump needs an
+infinite acceleration, but a body with inertia needs a finite time for it. A sample is a kink if its change of velocity
+is an outlier among the samples around it. A smooth path has no kinks, and its acceleration is unchanged to the last
+digit.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from ..arrays import Array, Indices
 from .spline import Spline
 
 # A change of velocity is a kink if its distance from the local median is more than OUTLIER times the median distance of
-# the BESIDE samples to either side.
+# the changes at the BESIDE samples to either side, plus `least`.
 OUTLIER, BESIDE = 5.0, 3
 
 
@@ -26,12 +27,15 @@ class RoundedPath:
     cosine of duration `over`, centred on the kink, whose integral is the whole jump.
 
     Args:
-        times: [s], strictly rising, shape (n,). values: shape (n, k).
-        over: time that a change of velocity takes [s], at least two samples; 0 leaves the kinks as they are.
-        least: change of velocity below which there is no kink, in units of the values per second.
+        times: times of the samples [s], strictly rising, shape (n,).
+        values: positions at the samples, shape (n, k).
+        over: time that a change of velocity takes [s]. It is lengthened to two steps of the samples if it is shorter; 0
+            leaves the kinks as they are.
+        least: least change of velocity that counts as a kink, in units of the values per second.
 
     Attributes:
-        samples: indices of the kinks. changes: jumps of the velocity there, shape (len(samples), k).
+        samples: indices of the kinks.
+        changes: jumps of the velocity at the kinks, shape (len(samples), k).
     """
 
     def __init__(self, times: Array, values: Array, over: float, least: float) -> None:
@@ -60,7 +64,10 @@ class RoundedPath:
 
 
 def _kinks(times: Array, values: Array, least: float) -> tuple[Indices, Array]:
-    """Return the indices of kinks, and the excess of their changes of velocity over those around them."""
+    """Return the indices of kinks, and the jumps of velocity at them.
+
+    A jump is the change of velocity minus the change that is interpolated from the smooth samples around it.
+    """
     change = np.diff(np.diff(values, axis=0) / np.diff(times)[:, None], axis=0)
     none: Indices = np.zeros(0, dtype=np.intp)
     if len(change) <= BESIDE:

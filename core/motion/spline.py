@@ -1,4 +1,4 @@
-"""Cubic splines through samples, twice differentiable, without a loop over samples."""
+"""Cubic splines through samples, twice continuously differentiable."""
 
 from __future__ import annotations
 
@@ -11,17 +11,19 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import DermisError
 
-READ = 3  # arrays of times that are read again and again: of the samples, and of devices of two rates
+READ = 3  # number of arrays of times whose pieces are stored: times of the samples, and of devices at two rates
 
 
 class Knots:
-    """The samples' times of one or more splines; what depends on nothing else is worked out once for all of them.
+    """Times of the samples of one or more splines.
+
+    All that depends on these times alone is computed once for all splines.
 
     Args:
         times: strictly rising, shape (n,).
 
     Raises:
-        DermisError: times that do not rise.
+        DermisError: the times do not rise.
     """
 
     def __init__(self, times: Array) -> None:
@@ -31,9 +33,10 @@ class Knots:
         self._known: list[tuple[Array, tuple[NDArray[np.intp], Array]]] = []
 
     def piece(self, t: Array) -> tuple[NDArray[np.intp], Array]:
-        """Return for each time the index of its piece, and the time since that piece began, shapes (m,).
+        """Return the index of each time's piece, and the time since its start.
 
-        The answers for the last few arrays are kept: several splines are read at the same times.
+        Both have shape (m,). The results for the last few arrays of times are stored, because several splines are
+        evaluated at the same times. The array itself must be the same, not only its numbers.
         """
         for known, found in self._known:
             if known is t:
@@ -46,7 +49,10 @@ class Knots:
 
     @cached_property
     def system(self) -> Tridiagonal:
-        """The equations of the inner second derivatives of a not-a-knot spline, of four samples or more."""
+        """Equations of the inner second derivatives of a not-a-knot spline.
+
+        They exist for four samples or more.
+        """
         step = self.times[1:] - self.times[:-1]
         lower, diagonal, upper = step[:-1].copy(), 2.0 * (step[:-1] + step[1:]), step[1:].copy()
         # Not-a-knot: the third derivative does not jump at the second and the last but one sample.
@@ -61,14 +67,15 @@ class Knots:
 class Spline:
     """Cubic spline through samples of several values, with not-a-knot ends.
 
-    Two samples give a straight line, three a parabola, one a constant. Beyond its ends it goes on as the end pieces.
+    One sample gives a constant, two give a straight line, and three a parabola. Beyond the ends, the first and the last
+    piece are continued.
 
     Args:
-        times: strictly rising, shape (n,), or those of other splines.
-        values: shape (n, k).
+        times: strictly rising, shape (n,), or the knots of other splines.
+        values: values at the samples, shape (n, k).
 
     Raises:
-        DermisError: no sample, times that do not rise, or values that are not finite.
+        DermisError: there is no sample, the times do not rise, or values are not finite.
     """
 
     def __init__(self, times: Array | Knots, values: Array) -> None:
@@ -82,17 +89,20 @@ class Spline:
         if not np.isfinite(self.values).all():
             raise DermisError("motion has values that are not finite numbers")
         self.knots = times if isinstance(times, Knots) else Knots(times)
-        self._stay: list[bool] = (self.values == self.values[0]).all(axis=0).tolist()  # column by column
+        self._stay: list[bool] = (self.values == self.values[0]).all(axis=0).tolist()  # whether each column is constant
         self.still = all(self._stay)
-        self._within: tuple[Spline, slice] | None = None  # the one that it is solved with, and its columns there
+        self._within: tuple[Spline, slice] | None = None  # spline of which this is a part, and its columns there
 
     @property
     def times(self) -> Array:
-        """Of the samples, shape (n,)."""
+        """Times of the samples, shape (n,)."""
         return self.knots.times
 
     def part(self, columns: slice) -> Spline:
-        """Return the spline through some of the columns; it is solved with all of them, where it is needed."""
+        """Return the spline through some of the columns.
+
+        All columns are solved together when one of them is first evaluated.
+        """
         part = Spline.__new__(Spline)
         part.knots, part.values, part._stay = self.knots, self.values[:, columns], self._stay[columns]
         part.still = all(part._stay)
@@ -101,7 +111,10 @@ class Spline:
 
     @cached_property
     def _pieces(self) -> tuple[Array, Array, Array, Array]:
-        """Values, and coefficients of (t - t_i), its square and its cube, shape (k, n - 1) each: by component."""
+        """Values, and coefficients of (t - t_i), its square and its cube.
+
+        Each has shape (k, n - 1).
+        """
         if self._within is not None:
             whole, columns = self._within
             value, slope, square, cube = (part[columns] for part in whole._pieces)
@@ -115,18 +128,27 @@ class Spline:
         return value, slope, square, cube
 
     def piece(self, t: Array) -> tuple[NDArray[np.intp], Array]:
-        """Return for each time the index of its piece, and the time since that piece began; see `Knots.piece`."""
+        """Return the index of each time's piece, and the time since its start.
+
+        See `Knots.piece`.
+        """
         return self.knots.piece(t)
 
     def at(self, t: Array, order: int = 0, piece: tuple[NDArray[np.intp], Array] | None = None) -> Array:
-        """Return the values (`order` 0), or their first or second derivative, at times [s], shape (m, k)."""
+        """Return the spline or a derivative at given times, shape (m, k).
+
+        Args:
+            t: the times, shape (m,).
+            order: 0 for the values, 1 and 2 for the first and second derivative.
+            piece: result of `piece` for these times, if it is known.
+        """
         if self.still:
             shape = (len(t), self.values.shape[1])
             return np.broadcast_to(self.values[0] if order == 0 else np.zeros(shape[1]), shape)
         if order not in (0, 1, 2):
             raise ValueError("a spline has two derivatives")
         index, u = self.piece(t) if piece is None else piece
-        # Horner, with the factors that differentiation brings down
+        # Horner's scheme, with the factors that come from differentiation.
         out = self._pieces[3].take(index, axis=1)
         if order:
             out *= (1.0, 3.0, 6.0)[order]
@@ -138,7 +160,15 @@ class Spline:
 
 
 def second_derivatives(times: Array | Knots, values: Array) -> Array:
-    """Return the second derivatives of the not-a-knot cubic spline at its knots, shape (n, k)."""
+    """Return the second derivatives of the not-a-knot spline at its knots.
+
+    Args:
+        times: strictly rising, shape (n,), or the knots.
+        values: values at the knots, shape (n, k).
+
+    Returns:
+        Second derivatives, shape (n, k).
+    """
     knots = times if isinstance(times, Knots) else Knots(times)
     n, second = len(knots.times), np.zeros_like(values)
     if n < 3:
@@ -155,14 +185,16 @@ def second_derivatives(times: Array | Knots, values: Array) -> Array:
 
 
 class Tridiagonal(NamedTuple):
-    """A diagonally dominant tridiagonal system, prepared for parallel cyclic reduction.
+    """Diagonally dominant tridiagonal system, ready for repeated solution.
 
-    Each step couples rows twice as far apart and squares the couplings, which therefore vanish after about six
-    steps: whole-array operations instead of a loop over rows.
+    It is solved by parallel cyclic reduction. Each step doubles the distance between coupled rows, and squares the
+    couplings. The couplings therefore vanish after about six steps. The steps are operations on whole arrays, in place
+    of a loop over rows.
 
     Attributes:
-        diagonal: shape (n, 1).
-        steps: how far each couples, with the couplings ahead and behind, shape (n - shift, 1), and the scale, (n, 1).
+        diagonal: main diagonal, shape (n, 1).
+        steps: for each step: distance `shift` between coupled rows; couplings to the row before and to the row after,
+            shape (n - shift, 1) each; scale, shape (n, 1).
     """
 
     diagonal: Array
@@ -170,7 +202,11 @@ class Tridiagonal(NamedTuple):
 
     @classmethod
     def of(cls, lower: Array, diagonal: Array, upper: Array) -> Tridiagonal:
-        """Prepare a system; shapes (n,), and lower[0] and upper[-1] are not used."""
+        """Prepare a system.
+
+        Args:
+            lower, diagonal, upper: the diagonals, shape (n,); lower[0] and upper[-1] are not used.
+        """
         a, c = -lower / diagonal, -upper / diagonal
         a[0] = c[-1] = 0.0
         steps, shift = [], 1
@@ -188,7 +224,7 @@ class Tridiagonal(NamedTuple):
         return cls(diagonal[:, None], tuple(steps))
 
     def solved(self, right: Array) -> Array:
-        """Return the solutions for right-hand sides, shape (n, k)."""
+        """Return the solutions for right-hand sides, shape (n, k) each."""
         x: Array = right / self.diagonal
         for shift, ahead, behind, scale in self.steps:
             summed = x.copy()

@@ -1,7 +1,7 @@
-"""Many 3-vectors at once, component by component.
+"""Operations on many 3-vectors at once, component by component.
 
-numpy's inner loop over an axis of length 3 costs more than the sums in it. These return arrays of shape (n, 3) whose
-components lie together in memory (Fortran order), so what follows runs along n as well.
+NumPy's inner loop over an axis of length 3 costs more than the sums in it. These functions return arrays of shape
+(n, 3) whose components are contiguous in memory (Fortran order). Later operations on these arrays also loop over n.
 """
 
 from __future__ import annotations
@@ -20,7 +20,12 @@ def dot(a: Array, b: Array) -> Array:
 
 
 def scaled(vectors: Array, factor: float | Array) -> Array:
-    """Return each row times its own factor, or all times one, shape (n, k)."""
+    """Return each row times a factor, shape (n, k).
+
+    Args:
+        vectors: the rows, shape (n, k).
+        factor: one factor for all rows, or one for each row, shape (n,).
+    """
     return np.multiply(vectors.T, factor, out=np.empty(vectors.shape[::-1])).T
 
 
@@ -34,12 +39,22 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def turn(rotation: Array, vectors: Array) -> Array:
-    """Return rotation @ vector for each row; rotation (n, 3, 3), vectors (n, 3)."""
+    """Return rotation @ vector for each row, shape (n, 3).
+
+    Args:
+        rotation: shape (n, 3, 3).
+        vectors: shape (n, 3).
+    """
     return _product(np.swapaxes(rotation, 1, 2), vectors)
 
 
 def turn_back(rotation: Array, vectors: Array) -> Array:
-    """Return rotation transposed @ vector for each row; rotation (n, 3, 3), vectors (n, 3)."""
+    """Return rotation transposed @ vector for each row, shape (n, 3).
+
+    Args:
+        rotation: shape (n, 3, 3).
+        vectors: shape (n, 3).
+    """
     return _product(rotation, vectors)
 
 

@@ -108,7 +108,7 @@ def _numbered(path: Path) -> tuple[int, dict[int, Path]]:
         return 0, {0: path}
     prefix, digits = match.group(1), match.group(2)
     pattern = re.compile(re.escape(prefix) + r"(\d+)" + re.escape(path.suffix))
-    # If this number is padded with zeros, the numbers of the other files must have as many digits.
+    # If the number of `path` is padded with zeros, the other numbers must have as many digits.
     padded = digits.startswith("0")
     found = {int(digits): path}
     with damage_told("the folder of the image sequence cannot be read", f"image '{path.name}'"):

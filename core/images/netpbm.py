@@ -23,8 +23,8 @@ def decode(data: bytes, where: str) -> Raster:
     As the formats define, 16-bit pixels are big-endian, and floating-point pixels have either byte order.
 
     Raises:
-        DermisError: the header is malformed, pixels are missing, a pixel exceeds the declared maximum, or the file
-            continues after the last pixel.
+        DermisError: the header is malformed, pixels are missing, a pixel exceeds the declared maximum, or other data
+            than white space or another image follow the last pixel.
     """
     kind = data[:2].decode()
     fields, start = _header(data, where)
@@ -78,7 +78,10 @@ def _missing(where: str, found: int, wanted: int) -> DermisError:
 
 
 def _check_end(data: bytes, end: int, where: str) -> None:
-    """Refuse further bytes after the last pixel: pixels and header do not fit."""
+    """Refuse data after the last pixel that are no white space and no image.
+
+    With such data, the pixels are not those that the header declares.
+    """
     if not _NEXT.match(data, end):
         raise _left_over(where, f"{len(data) - end} bytes")
 

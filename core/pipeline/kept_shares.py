@@ -1,10 +1,10 @@
 """KeptShares: results of fingers from earlier bakes, for reuse.
 
-A bake renders only fingers whose inputs have changed. Results are stored for lots of fingers, see `shares_of`. The key
-of a lot is a hash of all inputs of its skins and of the devices that follow these skins: headers and paths of the
-fingers; objects that the fingers may hold, or that ever come near them; presets; files that the settings of the devices
-name; and the presence of tables of the skin. An object that stays away from a finger may move and change, and the key
-of the finger stays the same.
+A bake renders only fingers whose inputs have changed. Fingers that may hold an object together form a lot, and the
+results of a lot are stored together, as a `Share`. The key of a share is a hash of all inputs of its lot: version and
+settings of the scene; names, parameters, devices and paths of the fingers; objects that the fingers may hold, or that
+ever come near them; presets; files that the settings of the devices name; and whether the skins have a smooth pad. An
+object that stays away from the fingers of a lot may therefore move and change without a new key.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 # shares also refer to skin models, whose size is not counted.
 LIMIT_BYTES, MOST = 300_000_000, 24
 # A body is near a finger if its bounding box is at most REACH times the radius of the pad, plus MARGIN [m], from the
-# finger's origin. Contact never reaches as far.
+# finger's origin. The radius is the largest distance of a pad node from this origin. Contact never reaches as far.
 REACH, MARGIN = 2.0, 2.5e-3
 ALL = ("frames/", "times/")  # prefixes of the series that are inputs of every finger
 

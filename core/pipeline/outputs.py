@@ -80,14 +80,15 @@ def plot_of(bake: Bake, output: Output, *, scale: float = 2.0, spread: Array | N
 def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> tuple[Path, ...]:
     """Write map and law of every screen device, for use with a real finger.
 
-    Only the first chunk of the scene is read. The matrices of its screens determine the size of the maps.
+    Only the first chunk of the scene is read. The matrices in it determine the size of the screens.
 
     Args:
         scene: the scene.
         library: the presets.
         folder: folder of the files.
+
     Raises:
-        DermisError: no finger has a screen device, a map cannot be used, or the folder cannot be written.
+        DermisError: no finger has a screen device, a preset or map cannot be used, or the folder cannot be written.
     """
     from ..matching.friction_screen import screen_maps
 
@@ -95,7 +96,7 @@ def export_screen_maps(scene: TactileScene, library: Library, folder: Path) -> t
     for finger in scene.fingers:
         for use in finger.devices:
             spec = library.device(use.preset)
-            # a relief that is read from the mesh itself needs no map
+            # A relief that is read from the mesh itself needs no map.
             if spec.kind == "friction_screen" and DEVICE["relief"].of(use.parameters) != "mesh":
                 wanted.append((finger.name, use, spec))
     if not wanted:

@@ -50,7 +50,10 @@ class Share:
     seconds: Mapping[str, float]
 
     def packed(self) -> Share:
-        """Return the same share with its states of skin in a tenth of the memory."""
+        """Return the same share with its skin contact in a tenth of the memory.
+
+        Forces are rounded, see `SkinContact.packed`.
+        """
         return replace(self, felt={f: touch.packed() for f, touch in self.felt.items()})
 
 
@@ -80,6 +83,13 @@ def driven_by(
     """Render the devices that follow some fingers' skins; yield progress.
 
     The tracks do not have the hash of the whole scene yet.
+
+    Args:
+        scene: the scene's header.
+        library: the presets.
+        pad_contact: contact of the pads.
+        felt: contact of the skins, by the index of the finger.
+        clock: run times.
 
     Returns:
         Results of the devices in the scene's order, by the index of the finger.

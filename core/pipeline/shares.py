@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from ..skin.model import SkinModel
     from ..work.executor import JobExecutor, JobFuture
 
-# [samples] Other processes render the shares only if they save at least this many samples with an object near a finger.
-# The start of a process takes as long as some 150 such samples.
+# [samples] Other processes render the shares only if they shorten the work by at least this many samples at which an
+# object is near a finger. The start of a process takes as long as some 150 such samples.
 SAVED = 300
 LOOK = 0.02  # [s] longest interval between two queries of the running jobs
 # [workers], [samples] With at most FEW workers and at most SHORT samples, this process renders shares in place of one
@@ -81,10 +81,10 @@ def touched_in_shares(
         chunks: chunks of the scene.
         models: skin models of the fingers whose skin is simulated, by the index of the finger.
         library: the presets.
-        cache: cache of condensed skins, for the other processes.
+        cache: cache of condensed skins, for the other processes; None without one.
         clock: run times.
-        executor: executor of the other processes; None if this process renders all shares.
-        before: shares of earlier bakes; new shares are added. None to render all shares.
+        executor: executor of the other processes; None to render all shares in this process.
+        before: shares of earlier bakes, to which new shares are added; None to render all shares.
 
     Raises:
         DermisError: another process refused its share.
@@ -140,7 +140,8 @@ def shares_of(scene: TactileScene, pad_contact: PadContact, skins: Collection[in
     """Return the load of each lot of fingers, in falling order of load.
 
     Fingers that ever come near the same object are in one lot if the object may be held, because they balance it
-    together. The load is the number of samples with an object near a finger, added up over the lot's simulated fingers.
+    together. The load is the number of samples at which an object is within the search radius of a finger, added up
+    over the fingers of the lot with simulated skin.
 
     Args:
         scene: the scene's header.
@@ -160,7 +161,9 @@ def shares_of(scene: TactileScene, pad_contact: PadContact, skins: Collection[in
 
 
 def saved(shares: Mapping[tuple[int, ...], int], workers: int) -> int:
-    """Return how many samples earlier several workers are done than one.
+    """Return by how many samples parallel workers shorten the work.
+
+    A single worker would need as many samples as all loads together.
 
     Args:
         shares: load of each share [samples]. A worker takes the next share when it is free.

@@ -62,7 +62,7 @@ class Shot:
 
     Attributes:
         names: names of the written files, in the order of writing.
-        refused: tracks that were not written, with the reason.
+        refused: one line for each track that was not written, with the reason.
         findings: findings of the bake and of the files.
         skipped: amounts of skipped work, by name.
         content_hash: hash of the bake's content, see `Bake`.
@@ -134,8 +134,8 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
     """Render a shot, as the job 'shot'.
 
     Args:
-        arrays: 'scene' (bytes of its file) if `parameters` has no path; 'skins/KEY' (files of a cache), if any.
-        parameters: 'scene' (path of its file, or '' if `arrays` has the bytes), 'name' (name of the scene in errors),
+        arrays: 'scene' (bytes of the scene's file) if `parameters` has no path; 'skins/KEY' (files of a cache), if any.
+        parameters: 'scene' (path of the file, or '' if `arrays` has its bytes), 'name' (name of the scene in errors),
             'presets' (texts of the user's own presets, see `presets_of`), 'wanted' (fields of `Wanted`), 'cache'
             (folder, and limit in bytes), if any.
         report: function that receives the progress.

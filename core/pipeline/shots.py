@@ -55,12 +55,11 @@ class Rendered:
 def render_shots(
     scenes: Sequence[Path], library: Library, folder: Path, wanted: Wanted, executor: JobExecutor
 ) -> Generator[Progress | Rendered, None, None]:
-    """Render scenes, each into its own folder, named like the scene's file.
+    """Render scenes, each into its own folder.
 
-    The generator yields progress, and each scene when it is done. A refused scene does not stop the others. The files
-    of a scene are written when the scene is done, see `put_together`. Closing the generator early drops unfinished
-    scenes.
-
+    A folder is named like the scene's file. The generator yields progress, and each scene when it is done. A refused
+    scene does not stop the others. The files of a scene are written when the scene is done, see `put_together`. Closing
+    the generator early drops unfinished scenes.
     Args:
         scenes: paths of the scenes' files.
         library: the presets.

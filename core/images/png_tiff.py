@@ -34,7 +34,7 @@ _SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}  # samples per pixel, by the colour ty
 _PASSES = (  # passes of an interlaced PNG: first column, first row, step of the columns, step of the rows
     (0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2),
 )  # fmt: skip
-_PACKED, _UNPACKED = 1 << 16, 1 << 20  # [bytes] packed data read at a time; most unpacked data at a time
+_PACKED, _UNPACKED = 1 << 16, 1 << 20  # [bytes] packed data read at a time; largest piece of data unpacked at a time
 
 
 def decode(data: bytes, where: str) -> Raster:
@@ -71,9 +71,9 @@ def decode(data: bytes, where: str) -> Raster:
 
 
 def _opened(data: bytes) -> ImageFile:
-    """Read the header alone.
+    """Return an image of which only the header has been read.
 
-    Pillow's other formats are not tried, because they are no formats of height maps.
+    Pillow's other formats are not tried, because height maps do not have them.
     """
     from PIL.PngImagePlugin import PngImageFile
     from PIL.TiffImagePlugin import TiffImageFile
@@ -85,7 +85,7 @@ def _opened(data: bytes) -> ImageFile:
 def _bits(image: ImageFile, where: str) -> int:
     """Return the bits per sample, from Pillow's name of the packed pixels.
 
-    Such a name is 'L;4' or 'I;16B'.
+    Examples of such names are 'L;4' and 'I;16B'.
     """
     packed = image.tile[0].args
     name = str(packed if isinstance(packed, str) else packed[0]) if packed else ""
@@ -97,7 +97,7 @@ def _bits(image: ImageFile, where: str) -> int:
 
 
 def _check_rows(data: bytes, where: str) -> None:
-    """Refuse a PNG whose packed pixels have more or fewer bytes than its size.
+    """Refuse a PNG whose packed pixels have too few or too many bytes.
 
     Pillow would fill missing rows with 0 and drop surplus rows.
     """
@@ -177,7 +177,7 @@ def _pixels(image: ImageFile, bits: int) -> tuple[NDArray[Any], NDArray[Any], ND
         clear = None if clear is None else min(clear, (1 << bits) - 1)
     holes = np.zeros(samples.shape[:2], bool) if clear is None else np.asarray((samples == clear).all(axis=2))
     stored = samples
-    # In such a TIFF, 0 is white. Pillow inverts the samples of up to 8 bits itself.
+    # A TIFF with photometric 0 stores white as 0. Pillow inverts such samples itself if they have at most 8 bits.
     if getattr(image, "tag_v2", {}).get(PHOTOMETRIC) == 0:
         other = ((1 << bits) - 1) - samples
         samples, stored = (other, samples) if bits == 16 else (samples, other)

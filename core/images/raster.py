@@ -38,7 +38,7 @@ class Raster:
 
     @property
     def largest(self) -> int:
-        """The stored number that became 1; 1 for floating point."""
+        """Stored number that became 1; 1 for floating point."""
         return max(self.levels - 1, 1)
 
 
@@ -61,7 +61,7 @@ def checked_size(columns: int, rows: int, where: str, *, packed: int | None = No
         packed: bytes of the packed pixels; None if the pixels are not packed.
 
     Raises:
-        DermisError: the image has 0 x 0 pixels or more than `MAX_PIXELS`, or is far larger than its packed bytes.
+        DermisError: the image has no pixels or more than `MAX_PIXELS`, or is far larger than its packed bytes.
     """
     if columns <= 0 or rows <= 0:
         raise DermisError("the image has no pixels", where=where, value=f"{columns} x {rows}", limit="at least 1 x 1")
@@ -92,9 +92,8 @@ def grey_of(pixels: NDArray[Any], where: str, largest: float = 1.0) -> tuple[NDA
     """
     grey = np.empty(pixels.shape[:2], np.float32)
     coloured = 0
-    rows = max(
-        _AT_ONCE // pixels[0].size, 1
-    )  # few rows at a time: in double precision, all would take 8 times the file
+    # Few rows at a time: in double precision, all pixels would take eight times the memory of the file.
+    rows = max(_AT_ONCE // pixels[0].size, 1)
     for at in range(0, len(pixels), rows):
         part = pixels[at : at + rows].astype(np.float64) / largest
         plain = part[..., 0]

@@ -55,7 +55,7 @@ def decode(header: TiffHeader) -> Raster | None:
         _check_bytes(header, kind, columns, rows)
     values = _samples(header, kind, columns, rows)
     holes, findings = empty(header, values[..., None])
-    if header.number(tags.PHOTOMETRIC, 1) == 0 and kind.kind == "u":  # white is zero
+    if header.number(tags.PHOTOMETRIC, 1) == 0 and kind.kind == "u":  # the file stores white as 0
         values = np.iinfo(kind).max - values
     largest, signed = largest_of(kind)
     grey, _ = grey_of(values[..., None], where, largest)
@@ -133,9 +133,9 @@ def _mask(page: TiffHeader, shape: tuple[int, ...]) -> NDArray[np.bool_]:
 
 
 def holds(values: NDArray[Any], number: float) -> NDArray[np.bool_]:
-    """Return where samples hold a number, as their own type would store it.
+    """Return which samples are equal to a number, as their type stores it.
 
-    Samples of a type that cannot store the number hold it nowhere.
+    A number that the type cannot store equals none of them.
     """
     if values.dtype.kind == "f":
         with np.errstate(over="ignore"):

@@ -111,13 +111,13 @@ class TiffHeader:
             yield page
 
     def upright(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Mirror and transpose an image as the tag of the orientation requires.
+        """Mirror and transpose an image as its orientation tag requires.
 
         Args:
             values: the image, with rows and columns as its first two axes.
         """
         turn = self.number(ORIENTATION, 1)
-        if 5 <= turn <= 8:  # rows and columns change places
+        if 5 <= turn <= 8:  # rows and columns are exchanged
             values = values.swapaxes(0, 1)
         flipped_rows, flipped_columns = turn in (3, 4, 7, 8), turn in (2, 3, 6, 7)
         return values[:: -1 if flipped_rows else 1, :: -1 if flipped_columns else 1]
@@ -144,9 +144,9 @@ class TiffHeader:
         return self.numbers(tag, default)[0]
 
     def no_data(self) -> float | None:
-        """Return the number that means 'no data' in this file, or None.
+        """Return the number that means 'no data' in this file.
 
-        GDAL writes it to the tag 42113.
+        GDAL writes it to the tag 42113. Without this tag, the result is None.
 
         Raises:
             DermisError: the tag holds no number.
@@ -166,9 +166,12 @@ class TiffHeader:
             ) from error
 
     def declared(self, role: str) -> float | None:
-        """Return the 'scale' or 'offset' of the first sample, or None.
+        """Return the 'scale' or 'offset' of the first sample.
 
-        GDAL writes them to the tag 42112.
+        GDAL writes them to the tag 42112. Without it, or without a number in it, the result is None.
+
+        Args:
+            role: 'scale' or 'offset'.
         """
         entry = self.entries.get(GDAL)
         if entry is None:
@@ -218,7 +221,8 @@ class TiffHeader:
     def changed(self, values: Mapping[int, int]) -> bytes:
         """Return the file with this page as the first, and with changed tags.
 
-        Its orientation becomes that of the stored rows and columns. Tags that the page lacks are not added.
+        The orientation tag is always set to 1, for the stored order of rows and columns. Tags that the page lacks are
+        not added.
 
         Args:
             values: new values by the number of the tag.

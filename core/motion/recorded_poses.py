@@ -148,7 +148,7 @@ def suggestion(rows: Rows, known: Sequence[Column] = ()) -> str:
 
     Args:
         rows: rows of the file.
-        known: columns by names that were given; empty for the file's own names.
+        known: columns from the names that were given; empty for the file's own names.
 
     Raises:
         DermisError: see `column_names.columns_of`.
@@ -157,7 +157,8 @@ def suggestion(rows: Rows, known: Sequence[Column] = ()) -> str:
     if not set(PLACE) <= {column.meaning for column in known}:
         found = guess(rows)
         if not (found.time and found.turn and found.unit) or (rows.names and found.turn != "none"):
-            return ""  # the file's own names contradict a guess that has a rotation
+            # The numbers do not decide the names, or the own names contradict a guess with a rotation.
+            return ""
         usual = names_of(found.time, found.turn, found.unit)
         return usual if usual.count(",") + 1 == rows.values.shape[1] else ""
 
@@ -192,7 +193,7 @@ def _far(places: Array) -> bool:
 
 
 def _length_unit(places: Array) -> str:
-    """Return 'm' or 'mm', the first of them that positions can have, else ''."""
+    """Return 'm' if positions can be in metres, else 'mm' if possible, else ''."""
     return "m" if not _far(places) else "mm" if not _far(1e-3 * places) else ""
 
 

@@ -23,9 +23,9 @@ def scene_from_poses(
 ) -> TactileScene:
     """Return a scene of bodies, fingers and screens from their sampled poses.
 
-    Every sample is a frame. Each finger, body and screen comes with its path. A path is one position [m], shape (3,),
-    or one per sample, shape (n, 3), with the axes of the world; or one object-to-world matrix, shape (4, 4), or one per
-    sample, shape (n, 4, 4). A single position or matrix holds for all samples.
+    Every sample is a frame. Each finger, body and screen comes with its path. A path of positions [m] has shape (n, 3),
+    and its object keeps the axes of the world. A path of object-to-world matrices has shape (n, 4, 4). A single
+    position, shape (3,), or a single matrix, shape (4, 4), holds for all samples.
 
     Args:
         rate: samples per second [Hz].

@@ -13,13 +13,13 @@ from .tactile_scene import Chunk
 
 
 class Regrouped:
-    """Forms chunks that end at the multiples of a number of samples.
+    """Forms chunks that end at multiples of a number of samples.
 
-    The index of a chunk's last sample, counted from 0 in the whole sweep, is such a multiple. A chunk also ends where
-    other bodies deform or other parameters are animated from then on.
+    The last sample of a chunk has an index that is such a multiple. The index counts from 0 over the whole sweep. A
+    chunk also ends where the set of deforming bodies or of animated parameters changes.
 
     Args:
-        every: the number. With 1, the chunks stay as they are.
+        every: the number of samples. With 1, the chunks stay as they are.
     """
 
     def __init__(self, every: int) -> None:

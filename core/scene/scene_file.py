@@ -106,7 +106,7 @@ class SceneChunks:
     """The chunks of a scene file, read one at a time at each iteration.
 
     Attributes:
-        path: path of the file, which must not be moved meanwhile.
+        path: path of the file, which must stay in place as long as chunks are read.
         table: the header's entry for each chunk.
     """
 

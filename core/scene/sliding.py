@@ -1,7 +1,7 @@
 """The sliding plane of [S1]: its motion, and a scene with it.
 
-The plane is pressed into the pad to a depth, and is then drawn along the pad. Contact with this plane gives the target
-of deformation matching. Contact with the pins themselves never does.
+The plane is pressed into the pad to a depth, and is then drawn along the pad. The target of deformation matching comes
+from contact with this plane, and never from contact with the pins of a device.
 
 Source: [S1] IV.A and eq. 19
 """
@@ -33,8 +33,8 @@ RATE = 240.0  # [Hz] rate of the samples. Source: [S1] IV.C
 def plane_offset(times: Array, depth: float, direction: float) -> Array:
     """Return the plane's origin at each time [m], shape (n, 3).
 
-    The origin is on the upper face. Its coordinate along `direction` is l(t) - l(0) with l = -R cos(wt) and t
-    counted from the end of `SETTLE`.
+    The origin is on the upper face. The coordinate of the origin along `direction` is l(t) - l(0) with l = -R cos(wt)
+    and t counted from the end of `SETTLE`.
 
     Args:
         times: times [s], shape (n,).
@@ -42,7 +42,7 @@ def plane_offset(times: Array, depth: float, direction: float) -> Array:
         direction: direction of the movement, see `sliding_plane` [rad].
     """
     share = np.clip(times / PRESS, 0.0, 1.0)
-    height = -0.2e-3 + (depth + 0.2e-3) * share * share * (3.0 - 2.0 * share)  # from just below the pad
+    height = -0.2e-3 + (depth + 0.2e-3) * share * share * (3.0 - 2.0 * share)  # the plane starts 0.2 mm below the pad
     along = STROKE * (1.0 - np.cos(ANGULAR_VELOCITY * np.maximum(times - SETTLE, 0.0)))
     return np.column_stack([along * np.cos(direction), along * np.sin(direction), height])
 
@@ -65,7 +65,7 @@ def sliding_plane(
         friction: Coulomb coefficient.
         direction: direction of the movement in the pad's plane, from +X (the finger's right) to +Y (the tip) [rad].
         devices: devices on the finger.
-        slide: length of the movement [s]; the scene begins `SETTLE` before it.
+        slide: duration of the movement [s]; the scene begins `SETTLE` before it.
         rate: samples per second [Hz].
     """
     last = 1 + int(np.ceil((SETTLE + slide) * FPS))

@@ -193,7 +193,7 @@ def _far(places: Array) -> bool:
 
 
 def _length_unit(places: Array) -> str:
-    """Return 'm' if positions can be in metres, else 'mm' if possible, else ''."""
+    """Return 'm' if positions fit metres, else 'mm' if possible, else ''."""
     return "m" if not _far(places) else "mm" if not _far(1e-3 * places) else ""
 
 

@@ -69,8 +69,8 @@ def singular(linear: Array) -> NDArray[np.bool_]:
 def _columns(linear: Array) -> tuple[Array, Array]:
     """Return the unit columns of linear maps, and the volumes they span.
 
-    The columns have shape (3, 3, n): component, column, map. The signed volumes have shape (n,). A column of length 0,
-    and the volume with it, is NaN.
+    The columns have shape (3, 3, n): component, column, map. The signed volumes have shape (n,). A column of length 0
+    becomes NaN, and so does the volume.
     """
     unit = linear.transpose(1, 2, 0).astype(np.float64, order="C")
     with np.errstate(divide="ignore", invalid="ignore"):

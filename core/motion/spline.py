@@ -33,10 +33,10 @@ class Knots:
         self._known: list[tuple[Array, tuple[NDArray[np.intp], Array]]] = []
 
     def piece(self, t: Array) -> tuple[NDArray[np.intp], Array]:
-        """Return the index of each time's piece, and the time since its start.
+        """Return the piece of each time, and the time since the piece began.
 
-        Both have shape (m,). The results for the last few arrays of times are stored, because several splines are
-        evaluated at the same times. The array itself must be the same, not only its numbers.
+        A piece is given by its index. Both results have shape (m,). The results for the last few arrays `t` are stored,
+        because several splines are evaluated at the same times. They are found by the identity of the array.
         """
         for known, found in self._known:
             if known is t:
@@ -128,7 +128,7 @@ class Spline:
         return value, slope, square, cube
 
     def piece(self, t: Array) -> tuple[NDArray[np.intp], Array]:
-        """Return the index of each time's piece, and the time since its start.
+        """Return the piece of each time, and the time since the piece began.
 
         See `Knots.piece`.
         """

@@ -50,12 +50,13 @@ class Bake:
     """The result of one rendering of a scene.
 
     Attributes:
-        outputs: one per finger and device, in the scene's order.
+        outputs: one for each device of each finger that could be rendered, in the scene's order.
         findings: findings about the scene as a whole; `all_findings` also has those of the outputs.
         skipped: counts of work that the scene did not need, by name.
-        content_hash: hash of scene, device presets and version.
+        content_hash: hash of the scene, of the device presets, of the version, and of the names of the fingers whose
+            contact is solved at points.
         stage_seconds: run time of each stage [s].
-        skins: states of the skin of each finger that shows it or wears a device that needs it, by finger's name.
+        skins: contact of each simulated skin, by the name of the finger.
         inputs: hashes of all inputs of the bake, by object, see `inputs.inputs_of`.
     """
 

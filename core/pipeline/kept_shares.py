@@ -227,7 +227,7 @@ def _series(scene: TactileScene, chunks: Sequence[Chunk]) -> dict[str, str]:
 
 
 def _skin(model: SkinModel) -> list[Any]:
-    """Return the properties of a skin that the presence of tables decides."""
+    """Return the properties of a skin that depend on the presence of tables."""
     return [model.tissue, smooth_pad(model) is not None]
 
 

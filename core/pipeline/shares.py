@@ -187,16 +187,16 @@ def _rendered(
 ) -> Generator[Progress, None, list[Share]]:
     """Let other processes render shares.
 
-    This process renders some of the shares, too, if `FEW` and `SHORT` allow it.
-
-    Closing the generator early ends the jobs.
+    This process renders some of the shares itself if there are few workers and samples, see `FEW` and `SHORT`. Closing
+    the generator early ends the jobs.
     """
     with tempfile.TemporaryDirectory(prefix="dermis-shares-", ignore_cleanup_errors=True) as folder:
         path = Path(folder) / "scene.npz"
         scene_file.save(scene, path)
         jobs: dict[JobFuture, int] = {}  # running jobs, and the index of each job's share
         try:
-            # An event, because `concurrent.futures.wait` is set up again at every query: a thirtieth of a processor.
+            # `concurrent.futures.wait` would prepare all futures anew at every query, which takes a thirtieth of the
+            # time of a processor. Waiting for an event takes none.
             ended = threading.Event()
             parts = [([f for f in lot if f in models], [f for f in lot if f not in models]) for lot in shares]
             told, each, made = [0] * len(parts), size_of(scene.sample_count), dict[int, Share]()

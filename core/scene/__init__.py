@@ -1,1 +1,1 @@
-"""A sampled scene: who takes part, where they are at every sample, and its file."""
+"""Sampled scenes: fingers, bodies and screens at every sample, and files."""

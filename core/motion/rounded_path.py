@@ -23,8 +23,8 @@ OUTLIER, BESIDE = 5.0, 3
 class RoundedPath:
     """The acceleration of a sampled path whose kinks are rounded.
 
-    The acceleration of the smooth part of the path is that of its spline. Each jump of velocity is spread by a raised
-    cosine of duration `over`, centred on the kink, whose integral is the whole jump.
+    The acceleration of the smooth part of the path is that of its spline. Each jump of velocity adds an acceleration
+    around its kink. It is a raised cosine of duration `over`, and the integral of this cosine is the whole jump.
 
     Args:
         times: times of the samples [s], strictly rising, shape (n,).

@@ -196,7 +196,7 @@ def _rendered(
         jobs: dict[JobFuture, int] = {}  # running jobs, and the index of each job's share
         try:
             # `concurrent.futures.wait` would prepare all futures anew at every query, which takes a thirtieth of the
-            # time of a processor. Waiting for an event takes none.
+            # time of a processor. An event needs no such preparation.
             ended = threading.Event()
             parts = [([f for f in lot if f in models], [f for f in lot if f not in models]) for lot in shares]
             told, each, made = [0] * len(parts), size_of(scene.sample_count), dict[int, Share]()

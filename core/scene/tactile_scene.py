@@ -49,7 +49,9 @@ class Mesh:
 
 @dataclass(frozen=True)
 class DeviceUse:
-    """One device that a finger wears, or one device of touch screens.
+    """One use of a device by a finger.
+
+    The finger wears the device, or the device acts on touch screens that the finger touches.
 
     Attributes:
         preset: file stem of the device preset, such as 'haptip'.

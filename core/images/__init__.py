@@ -32,7 +32,7 @@ def read(path: str | Path) -> Raster:
     """Read one image; its first bytes determine the format, not its suffix.
 
     Raises:
-        DermisError: the file is missing, empty or damaged, has 0 x 0 pixels, or has a format that is not read here.
+        DermisError: the file is missing, empty or damaged, has no pixels, or has a format that is not read here.
     """
     path = Path(path)
     where = f"image '{path.name}'"

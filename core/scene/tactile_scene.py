@@ -216,8 +216,8 @@ class TactileScene:
 
         Raises:
             DermisError: the scene has no finger or nothing to touch, its range has no duration, its rate or gravity is
-                no physical value, two objects of a kind have the same name, a parameter is out of range, or a mesh is
-                damaged, see `check_mesh`.
+                no physical value, two fingers, two bodies or two screens have the same name, a parameter is out of
+                range, or a mesh is damaged, see `check_mesh`.
         """
         validate(self)
 

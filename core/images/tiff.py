@@ -88,7 +88,7 @@ def empty(header: TiffHeader, stored: NDArray[Any]) -> tuple[NDArray[np.bool_], 
             try:
                 holes |= ~_mask(page, holes.shape)
             except DermisError as error:
-                what = f"the mask of the pixels that are there is not read: {error.what}"
+                what = f"the mask of the valid pixels is not read: {error.what}"
                 rows.append(
                     ("warning", "mask-not-read", what, str(error.value), "Write a no-data number instead of it")
                 )
@@ -100,7 +100,13 @@ def empty(header: TiffHeader, stored: NDArray[Any]) -> tuple[NDArray[np.bool_], 
         if said is not None and said != usual:
             what = f"the file declares a {role} of its numbers, which is not applied"
             rows.append(
-                ("warning", f"{role}-not-applied", what, f"{said:g}", "Apply it before, or mind it in the unit")
+                (
+                    "warning",
+                    f"{role}-not-applied",
+                    what,
+                    f"{said:g}",
+                    "Apply it before saving, or include it in the unit of the heights",
+                )
             )
     return np.asarray(holes), tuple(
         Finding(severity, code, what, header.where, value=value, remedy=remedy)
@@ -160,10 +166,10 @@ def _check_bytes(header: TiffHeader, kind: np.dtype, columns: int, rows: int) ->
     filled = -(-rows // high) * high * -(-columns // wide) * wide * kind.itemsize
     if held not in ((filled,) if tiled else (needed, filled)):
         raise DermisError(
-            "the image has another number of bytes than its size and samples need",
+            "the number of bytes does not fit the image's size and samples",
             where=header.where,
             value=f"{held} bytes",
-            limit=f"{needed} bytes: {columns} x {rows} of {8 * kind.itemsize} bit",
+            limit=f"{filled if tiled else needed} bytes: {columns} x {rows} of {8 * kind.itemsize} bit",
             remedy=REMEDY,
         )
 

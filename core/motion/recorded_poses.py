@@ -113,7 +113,7 @@ def of_rows(rows: Rows, *, columns: str = "", rate: float = 100.0, unit: float |
         check_times(times, rows, time)
     unsaid = [place[name] for name in PLACE if known[place[name]].unit is None]
     if unit is None and unsaid and _far(rows.values[:, unsaid]):
-        raise _not_said("the unit of the positions is not stated, and in metres they are far away", rows, known)
+        raise _not_said("the unit of the positions is not stated, and they are too far away for metres", rows, known)
     numbers = {name: rows.values[:, place[name]] for name in (*PLACE, *turn)}
     for name in numbers:
         own = known[place[name]].unit
@@ -241,10 +241,10 @@ def _known(rows: Rows, columns: str) -> tuple[Column, ...]:
     elif rows.names:
         known = rows.columns()
     else:
-        raise _not_said("the file does not say what its columns are", rows)
+        raise _not_said("the file does not name its columns", rows)
     meanings = {column.meaning for column in known}
     if not set(PLACE) <= meanings:
-        raise _not_said("the names of the columns do not say where x, y and z are", rows)
+        raise _not_said("the names of the columns lack x, y or z", rows)
     for kind in (QUATERNION, VECTOR, EULER):
         part = [name for name in kind if name in meanings]
         if part and len(part) < len(kind):
@@ -261,13 +261,13 @@ def _not_said(what: str, rows: Rows, known: Sequence[Column] = ()) -> DermisErro
     suggested = suggestion(rows, known)
     said = f"columns='{suggested}'" if suggested else "columns='time_s, x_mm, y_mm, z_mm, qw, qx, qy, qz' or similar"
     if not suggested and not rows.names and not guess(rows).turn:
-        said += ", or qx, qy, qz, qw: the numbers do not tell whether w is the first or the last"
+        said += ", or qx, qy, qz, qw: the numbers do not show whether w is the first or the last"
     return DermisError(
         what,
         where=rows.where,
         value=", ".join(rows.names)[:80] or f"{rows.values.shape[1]} columns without names",
-        limit="columns x, y, z; before, behind or between them a time and a rotation",
-        remedy=f"Say it, such as {said}, or write a line of names into the file",
+        limit="columns x, y and z, and optionally a time and a rotation, in any order",
+        remedy=f"State the columns, such as {said}, or write a line of names into the file",
         code=NOT_SAID,
     )
 

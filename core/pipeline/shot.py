@@ -245,7 +245,9 @@ def library_in(folder: Path, texts: Mapping[str, str]) -> Library:
     for name, text in texts.items():
         group, _, file = str(name).partition("/")
         if group not in SCHEMAS or not file.endswith(".json") or Path(file).name != file:
-            raise DermisError("not a preset's place", where="presets", value=str(name)[:80], limit="GROUP/NAME.json")
+            raise DermisError(
+                "not the path of a preset", where="presets", value=str(name)[:80], limit="GROUP/NAME.json"
+            )
         write_bytes(folder / group / file, str(text).encode("utf-8", "surrogateescape"))
     return Library(folder) if texts else Library()
 

@@ -32,15 +32,15 @@ class Skip(NamedTuple):
 
 SKIPPED: Mapping[str, Skip] = {
     "renderers_not_loaded": Skip(
-        "imports", "the module of each kind of device", "no finger wears one", "kinds of device that nobody wears"
+        "imports", "the module of each kind of device", "no finger wears one", "kinds of device that no finger wears"
     ),
     "fingers_without_skin": Skip(
         "fingers", "a skin", "it is not shown and no device follows it", "fingers whose skin is not simulated"
     ),
     "fingers_unchanged": Skip(
         "fingers",
-        "its path, what comes near, what it wears",
-        "all that is as an earlier bake had it",
+        "its path, near objects, its devices",
+        "all of them are as in an earlier bake",
         "fingers taken from an earlier bake",
     ),
     "pair_samples_far": Skip(
@@ -54,12 +54,15 @@ SKIPPED: Mapping[str, Skip] = {
     ),
     "skin_frames_idle": Skip("contact", "forces on the skin", "nothing is near", "samples of a skin with nothing near"),
     "skin_frames_same": Skip(
-        "frames", "forces on the skin", "nothing has moved, or the last ones still hold", "samples of a skin as before"
+        "frames",
+        "forces on the skin",
+        "nothing has moved, or the previous forces still apply",
+        "samples of a skin with unchanged forces",
     ),
     "skin_frames_between": Skip(
         "frames",
         "forces on the skin",
-        "the finger goes straight on over what is flat or gently curved",
+        "the finger moves straight on over flat or gently curved surfaces",
         "samples of a skin between two that were solved",
     ),
     "slopes_untouched": Skip(
@@ -67,10 +70,10 @@ SKIPPED: Mapping[str, Skip] = {
     ),
     "effects_off": Skip("effects", "each effect", "its switch or its amplitude is zero", "effects that are off"),
     "bodies_never_touched": Skip(
-        "effects", "what a finger feels of an object", "it never touches it", "objects that a tactor never touches"
+        "effects", "effects of an object", "it never touches it", "objects that a tactor never touches"
     ),
     "bodies_never_held": Skip(
-        "effects", "weight and content", "nobody holds the object", "objects that a tactor never holds"
+        "effects", "weight and content", "no finger holds the object", "objects that a tactor never holds"
     ),
     "pin_frames_without_contact": Skip(
         "matching", "forces of pins", "the skin touches nothing", "samples of pins at rest"
@@ -82,9 +85,11 @@ SKIPPED: Mapping[str, Skip] = {
         "matching", "row of a table", "the skin touches nothing", "samples of a platform at rest"
     ),
     "stress_skipped": Skip("stress", "colours of a skin", "it touches nothing", "skins in the view without a touch"),
-    "stress_kept": Skip("stress", "colours of a skin", "they are those of before", "skins in the view as before"),
+    "stress_kept": Skip(
+        "stress", "colours of a skin", "the stress is unchanged", "skins in the view with unchanged stress"
+    ),
     "overlays_kept": Skip(
-        "overlays", "what a view shows", "nothing has happened since", "views drawn from what was worked out"
+        "overlays", "contents of a view", "nothing has changed since", "views drawn from stored results"
     ),
 }
 

@@ -50,7 +50,7 @@ def scene_from_poses(
     counts = {len(poses) for group in placed for poses in group} - {1}
     if len(counts) != 1:
         raise DermisError(
-            "all that moves must have the same number of samples",
+            "all moving objects need the same number of samples",
             where=f"scene '{name}'",
             value=", ".join(map(str, sorted(counts))) or "nothing moves",
         )

@@ -246,7 +246,7 @@ def _findings(entries: list[dict[str, Any]]) -> tuple[Finding, ...]:
         if finding.severity not in SEVERITIES or not all(
             isinstance(text, str) for text in (finding.code, finding.what, finding.where, finding.limit, finding.remedy)
         ):
-            raise ValueError("a finding that is none")
+            raise ValueError("a malformed finding")
         str(finding)
     return found
 

@@ -1,7 +1,7 @@
 /* The closest triangle of each point: an exact search without any state.
 
-   A triangle is left out only where a lower bound of its distance exceeds an upper bound of the closest one, so the answer is
-   the same as trying all of them. The hint and the tree only choose where the search begins. */
+   A triangle is left out only where a lower bound of its distance exceeds an upper bound of the closest one, so the
+   answer is the same as trying all of them. The hint and the tree only choose where the search begins. */
 #include "closest.h"
 
 #include "boxes.h"

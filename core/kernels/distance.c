@@ -1,8 +1,9 @@
 /* The signed distance to a body.
 
-   Of a closed body that does not run through itself, the side is that of the angle-weighted normal of the closest face, edge
-   or corner (Baerentzen and Aanaes 2005). Where it runs through itself, and where no normal decides, rays count how often it
-   winds round the point. Of solids that run through each other the smallest distance counts. An open sheet is negative behind its faces; what has passed beside its rim is outside. */
+   Of a closed body that does not run through itself, the side is that of the angle-weighted normal of the closest face,
+   edge or corner (Baerentzen and Aanaes 2005). Where it runs through itself, and where no normal decides, rays count
+   how often it winds round the point. Of solids that run through each other the smallest distance counts. An open sheet
+   is negative behind its faces; what has passed beside its rim is outside. */
 #include "distance.h"
 
 #include "closest.h"
@@ -16,7 +17,8 @@
 /* Vectors shorter than this have no direction. */
 #define NO_LENGTH 1e-9
 
-/* The sum of products in the order of numpy's einsum, by which earlier versions measured: their answers are kept to the bit. */
+/* The sum of products in the order of numpy's einsum, by which earlier versions measured: their answers are kept to the
+   bit. */
 static inline double dot(const double *a, const double *b) { return a[0] * b[0] + a[2] * b[2] + a[1] * b[1]; }
 
 /* Add the normals of faces, weighted by their angles, to their vertices; to one vertex alone, unless that is -1. */
@@ -86,7 +88,8 @@ static void measure(const dermis_body *body, const double *x, const dermis_close
     out->triangle = (int64_t)found->row[NUMBER], out->slot = found->slot, out->feature = found->feature;
 }
 
-/* Tell whether a point lies so far within all slabs that it may be inside, though no triangle is within the limit [m]. */
+/* Tell whether a point lies so far within all slabs that it may be inside, though no triangle is within the limit
+   [m]. */
 static int may_be_inside(const dermis_body *body, const double *x, double limit) {
     for (int64_t i = 0; i < body->slabs; i++) {
         const double *slab = body->slab + 5 * i;

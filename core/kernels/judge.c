@@ -1,7 +1,7 @@
 /* Whether the closest triangle tells the side of a point, or rays must.
 
-   The closest triangle does where triangles meet at common edges and corners alone, none lie back to back across an edge, and
-   outside each part there is outside: no part lies within another one's solid. */
+   The closest triangle does where triangles meet at common edges and corners alone, none lie back to back across an
+   edge, and outside each part there is outside: no part lies within another one's solid. */
 #include "boxes.h"
 #include "float_environment.h"
 #include "rays.h"

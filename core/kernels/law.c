@@ -1,7 +1,9 @@
-/* Forces, stress and energy of neo-Hookean tissue on a mesh of tetrahedra, in single precision; see core/skin/mesh_law.py.
+/* Forces, stress and energy of neo-Hookean tissue on a mesh of tetrahedra, in single precision; see
+   core/skin/mesh_law.py.
 
-   W = sum_e V_e mu/2 (I1 - 3 - 2 ln J_e) + sum_a V_a lambda/2 (ln J_a)^2, J_a the volume average of J around node a. It is
-   evaluated in the gradient H of displacement, F = 1 + H: in J - 1 = tr H + ... no large numbers cancel. */
+   The strain energy is W = sum_e V_e mu/2 (I1 - 3 - 2 ln J_e) + sum_a V_a lambda/2 (ln J_a)^2, where J_a is the volume
+   average of J around node a, and V_a a quarter of the volume around it. With the gradient H of the displacement, F = 1
+   + H. In J - 1 = tr H + ... no large numbers cancel, so small strains are accurate. */
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
@@ -9,21 +11,23 @@
 #define WIDE DERMIS_LANES
 #define LN_2 0.693147180559945309417
 
-/* A number of each of four elements; or of one node x, y, z, and a number more. */
+/* One number for each of four elements, or x, y, z and a fourth number of one node. */
 typedef float lanes __attribute__((vector_size(4 * WIDE), aligned(4), may_alias));
 typedef int32_t bits __attribute__((vector_size(4 * WIDE), aligned(4), may_alias));
 
 static const int next[3][2] = {{1, 2}, {2, 0}, {0, 1}};
 static const lanes none = {0.0f};
 
-/* Of a block of elements: H and its cofactor, tr H, what J - 1 has beyond tr H, and J. */
+/* Strains of a block of elements: H and its cofactor, trace = tr H, more = J - 1 - tr H, and J. */
 typedef struct {
     lanes h[9], cofactor[9], trace, more, j;
 } strains;
 
+/* Return `yes` in lanes whose bits are set, and `no` in the others. */
 static lanes chosen(bits which, lanes yes, lanes no) { return (lanes)(((bits)yes & which) | ((bits)no & ~which)); }
 
-/* Return ln(1 + x) for x > -1, to 1e-14 of it: eight terms of the series of atanh suffice for 1 + x in 0.7 to 1.42. */
+/* Return ln(1 + x) for x > -1, with a relative error of up to 1e-14: eight terms of the series of artanh are enough,
+   since 1 + x is scaled to the range from 0.7 to 1.42. */
 static double logarithm(double x) {
     static const double series[8] = {2.0, 2.0 / 3, 2.0 / 5, 2.0 / 7, 2.0 / 9, 2.0 / 11, 2.0 / 13, 2.0 / 15};
     double s, q, q2, twos = 0.0;
@@ -45,7 +49,7 @@ static double logarithm(double x) {
                               q2 * q2 * ((series[4] + q * series[5]) + q2 * (series[6] + q * series[7])));
 }
 
-/* ln J for J - 1, which goes on as a parabola below the flattest J. */
+/* Return ln J from J - 1; below `least`, the second-order expansion of ln J. */
 static double log_of(const dermis_law *law, double widening) {
     double least = law->least, below = 1.0 + widening - least;
     if (!(below < 0.0)) return logarithm(widening);
@@ -53,7 +57,7 @@ static double log_of(const dermis_law *law, double widening) {
     return logarithm(least - 1.0) + below - 0.5 * below * below;
 }
 
-/* The slope of that: 1 / J, or of the parabola. */
+/* Return the derivative of `log_of` by J. */
 static double slope_of(const dermis_law *law, double widening) {
     double least = law->least, j = 1.0 + widening;
     return j < least ? (2.0 - j / least) / least : 1.0 / j;
@@ -61,11 +65,11 @@ static double slope_of(const dermis_law *law, double widening) {
 
 static int64_t blocks_of(const dermis_law *law) { return (law->elements + WIDE - 1) / WIDE; }
 
-/* What is worked with: H of the blocks, then of the nodes displacement and pressure, then force. */
+/* The workspace has H of the blocks, then displacement and pressure of each node, then the force on each node. */
 static lanes *kept_of(const dermis_law *law, int64_t block) { return (lanes *)law->room + 9 * block; }
 static lanes *nodes_of(const dermis_law *law) { return (lanes *)kept_of(law, blocks_of(law)); }
 
-/* Turn four nodes into x, y, z and the fourth number of four elements, or back. */
+/* Transpose: from x, y, z and the fourth number of four nodes to the four x, the four y and so on, or back. */
 static void turn(const lanes *from, lanes *to) {
     lanes a = __builtin_shufflevector(from[0], from[1], 0, 4, 1, 5), b = __builtin_shufflevector(from[2], from[3], 0, 4, 1, 5);
     lanes c = __builtin_shufflevector(from[0], from[1], 2, 6, 3, 7), d = __builtin_shufflevector(from[2], from[3], 2, 6, 3, 7);
@@ -73,6 +77,7 @@ static void turn(const lanes *from, lanes *to) {
     to[2] = __builtin_shufflevector(c, d, 0, 1, 4, 5), to[3] = __builtin_shufflevector(c, d, 2, 3, 6, 7);
 }
 
+/* Compute the displacement gradients H of a block. */
 static void gradients(const dermis_law *law, int64_t block, lanes *h) {
     const int32_t *corner = law->corners + 4 * WIDE * block;
     const lanes *slope = (const lanes *)law->slopes + 9 * block;
@@ -90,7 +95,7 @@ static void gradients(const dermis_law *law, int64_t block, lanes *h) {
             h[3 * i + j] = (away[i] * slope[j] + away[3 + i] * slope[3 + j]) + away[6 + i] * slope[6 + j];
 }
 
-/* Fill what follows from H. */
+/* Compute the other strains from H. */
 static void strain(strains *s) {
     const lanes *h = s->h;
     for (int i = 0; i < 3; i++)
@@ -103,14 +108,14 @@ static void strain(strains *s) {
     s->j = 1.0f + (s->trace + s->more);
 }
 
-/* Read H of a block again. */
+/* Read H of a block from the workspace, and compute the other strains from it. */
 static void recall(const dermis_law *law, int64_t block, strains *s) {
     const lanes *kept = kept_of(law, block);
     for (int k = 0; k < 9; k++) s->h[k] = kept[k];
     strain(s);
 }
 
-/* The mean pressure of the corners. */
+/* Return the mean pressure of the corners of each element in a block. */
 static lanes mean_of(const dermis_law *law, int64_t block) {
     const int32_t *corner = law->corners + 4 * WIDE * block;
     const lanes *node = nodes_of(law);
@@ -120,7 +125,8 @@ static lanes mean_of(const dermis_law *law, int64_t block) {
     return 0.25f * out;
 }
 
-/* Keep H of all elements, and find lambda ln J / J of the nodes, their energy, and the least J of the elements. */
+/* Store H of all elements; compute the pressure lambda ln J / J of the nodes, their energy, and the least J of the
+   elements. */
 static void measure(dermis_law *law) {
     lanes *node = nodes_of(law);
     lanes least = none + __builtin_inff();
@@ -140,14 +146,16 @@ static void measure(dermis_law *law) {
     }
     for (int64_t a = 0; a < law->nodes; a++) {
         double around = (double)law->around[a], widening = (double)node[a][3] / around, log = log_of(law, widening);
-        energy += 0.125 * law->first * around * (log * log); /* a quarter of `around` is the node's own */
+        energy += 0.125 * law->first * around * (log * log); /* V_a is a quarter of `around` */
         node[a][3] = (float)(law->first * log * slope_of(law, widening));
     }
     law->energy = energy, law->flattest = __builtin_inf();
     for (int l = 0; l < WIDE; l++) law->flattest = dermis_least((double)least[l], law->flattest);
 }
 
-/* Sum the forces: P = mu F + (p - mu / J) cof F, with cof F = (1 + tr H) 1 - H' + cof H. */
+/* Sum the forces of the first Piola-Kirchhoff stress P = mu F + (p - mu / J) cof F.
+
+   Here p is the mean pressure of the corners, and cof F = (1 + tr H) 1 - H' + cof H; H' is H transposed. */
 static void push(const dermis_law *law) {
     lanes *sum = nodes_of(law) + law->nodes;
     const float shear = (float)law->shear, least = (float)law->least;
@@ -161,7 +169,8 @@ static void push(const dermis_law *law) {
         bits flat = s.j < least;
         lanes below = chosen(flat, (s.j - least) / least, none), own = shear * ((1.0f - below) / chosen(flat, none + least, s.j));
         lanes less = mean - own, whole = 1.0f + s.trace;
-        /* mu (1 - (1 + tr H) / J) = mu (J - 1 - tr H) / J, which leaves a light touch exact; not below the flattest J */
+        /* mu (1 - (1 + tr H) / J) is computed as mu (J - 1 - tr H) / J, which keeps small strains accurate; below
+           `least` the two differ, since the expansion replaces 1 / J */
         lanes along = chosen(flat, shear + less * whole, mean * whole + own * s.more);
         for (int i = 0; i < 3; i++)
             for (int j = 0; j < 3; j++) {
@@ -183,7 +192,7 @@ static void push(const dermis_law *law) {
         for (int i = 0; i < 3; i++) law->force[3 * a + i] = sum[a][i];
 }
 
-/* Fill the Cauchy stress mu (b - 1) / J + p, b - 1 = H + H' + H H'. */
+/* Compute the Cauchy stress mu (b - 1) / J + p of the elements, with b - 1 = H + H' + H H'. */
 static void press(const dermis_law *law) {
     static const int pairs[6][2] = {{0, 0}, {1, 1}, {2, 2}, {1, 2}, {0, 2}, {0, 1}};
     const float shear = (float)law->shear, least = (float)law->least;
@@ -202,7 +211,8 @@ static void press(const dermis_law *law) {
     }
 }
 
-/* Add the elements' own energy: I1 - 3 - 2 ln J = 2 (J - 1 - ln J) + H:H - 2 (J - 1 - tr H), each of second order by itself. */
+/* Add the first sum of the energy, over the elements. In I1 - 3 - 2 ln J = 2 (J - 1 - ln J) + H:H - 2 (J - 1 - tr H),
+   each term is of second order in H, so no large numbers cancel. */
 static void store(dermis_law *law) {
     double sum = 0.0;
     for (int64_t block = 0, first = 0; first < law->elements; block++, first += WIDE) {
@@ -217,7 +227,7 @@ static void store(dermis_law *law) {
     law->energy += law->shear * sum;
 }
 
-/* A displacement need not be finite: the answer is then not finite either. */
+/* Evaluate the law. A displacement that is not finite is allowed: the results are then not finite either. */
 DERMIS_NOINLINE static int32_t evaluate(dermis_law *law) {
     int64_t corners = 4 * WIDE * blocks_of(law);
     int beyond = 0;

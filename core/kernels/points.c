@@ -36,7 +36,8 @@ static int64_t root_at(const dermis_points *of, int64_t root, int64_t *square) {
     return of->around[(root * 3 + step[0]) * 3 + step[1]];
 }
 
-/* Return the point at the middle of a side of a cell, just beyond it: before and behind it, along the finger, then around. */
+/* Return the point at the middle of a side of a cell, just beyond it: before and behind it, along the finger, then
+   around. */
 static int64_t beside(const dermis_points *of, int64_t cell, int side) {
     int64_t size[2], square[2];
     size_of(of, cell, size);

@@ -5,8 +5,8 @@
 #include "distance.h"
 #include "numbers.h"
 
-/* A normal that points into the finger less than this is of the far side of something thin; from so far above the skin the
-   near side is looked for [m]. */
+/* A normal that points into the finger less than this is of the far side of something thin; from so far above the skin
+   the near side is looked for [m]. */
 #define OPPOSITE -0.7
 #define ABOVE 0.4e-3
 

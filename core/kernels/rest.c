@@ -13,7 +13,8 @@ static float sum_of(const lanes *v) {
     return ((x[0] + x[4]) + (x[1] + x[5])) + ((x[2] + x[6]) + (x[3] + x[7]));
 }
 
-/* y = A x, A symmetric: strips of four of its rows below the diagonal, eight columns after the other, and its diagonal apart.
+/* y = A x, A symmetric: strips of four of its rows below the diagonal, eight columns after the other, and its diagonal
+   apart.
 
    Each number of A is read once, for its row and for its column. Return where A ends. */
 static const float *product(const float *a, const float *diagonal, int64_t size, const float *restrict x, float *restrict y) {

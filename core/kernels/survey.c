@@ -1,12 +1,14 @@
-/* Which cells of a pad may touch: an adaptive quadtree, cut where the normals that are seen in a cell's footprint turn.
+/* The search for cells of a pad that may touch: an adaptive quadtree, divided where the normals of bodies turn.
 
-   core/contact/solver/point_tree.py has the rule's lengths and shares and says what they are. */
+   For each cell, the gap and normal of the closest body are found at its centre and at four test points near its
+   corners. core/contact/solver/point_tree.py explains the rule for division and its constants. A direction of division
+   is a number of two bits: bit 0 halves the first side (along the finger), bit 1 the second (around it). */
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
 #include "posed.h"
 
-/* Return the tile at a place in a root, its sides halved so often. */
+/* Return the index of a cell by its root, numbers of halvings and position, like `Tiles.find` in core/skin/tiles.py. */
 static int64_t find(const dermis_survey *s, int64_t root, const int64_t *halved, const int64_t *place) {
     int64_t a = halved[0], b = halved[1], first = s->first[a * s->levels + b];
     if (a != b) return first + (root << (a + b)) + (place[0] << b) + place[1];
@@ -15,7 +17,7 @@ static int64_t find(const dermis_survey *s, int64_t root, const int64_t *halved,
     return first + code;
 }
 
-/* How far skin has moved in a root without points, by the forces elsewhere. */
+/* Compute the displacement of a root without points [m]: with the bone, and by the forces on other roots. */
 static void moved_afar(const dermis_survey *s, int64_t root, double *shift) {
     for (int k = 0; k < 3; k++) shift[k] = s->common[k];
     for (int64_t j = 0; j < s->loaded; j++)
@@ -25,7 +27,10 @@ static void moved_afar(const dermis_survey *s, int64_t root, double *shift) {
         }
 }
 
-/* How far the skin has moved at a cell, by the points under it, or where there are none by the forces elsewhere. */
+/* Compute the displacement of the skin at a cell [m].
+
+   It is the mean over the points that cover the centres of the cell's quarters. Without such points, it is that of the
+   last point in the root; without points in the root, it is computed by `moved_afar`. */
 static void shift_of(const dermis_survey *s, int64_t cell, double *shift) {
     int64_t root = s->root[cell], under = 0;
     for (int k = 0; k < 3; k++) shift[k] = 0.0;
@@ -42,14 +47,19 @@ static void shift_of(const dermis_survey *s, int64_t cell, double *shift) {
     for (int k = 0; k < 3; k++) shift[k] = under ? shift[k] / (double)under : s->raised[3 * s->in_root[root] + k];
 }
 
-/* What the centre of a cell and the corners of a footprint about it see. */
+/* Gaps and normals of the closest body at a cell's centre and at four test points.
+
+   If the centre is deep in a body, the centre and the test points are first moved out of it. */
 typedef struct {
-    double own;             /* clearance of the centre [m] */
-    double middle, gap[4];  /* the same and that of the corners, seen from the surface [m] */
-    double normal[5][3];    /* of the centre and the corners, 0 where nothing is near */
+    double own;             /* gap at the centre, not moved [m] */
+    double middle, gap[4];  /* gap at the centre and at the test points, moved out [m] */
+    double normal[5][3];    /* normals at the centre and at the test points, 0 if no body is near */
 } footprint;
 
-/* Look at the centre from the surface where it is deep: below it every edge is sharp. Return where that is, and the sight. */
+/* Return the closest body at a cell's centre, which is first moved out of the body if it is deep in it.
+
+   Deep in a body, the normals below any edge jump as if the edge were sharp. centre: closest body at the centre itself.
+   at: out, the centre, moved if deep [m]. */
 static dermis_sight look_down(const dermis_survey *s, int64_t cell, const double *shift, const dermis_sight *centre, footprint *out, double *at) {
     double inward[3];
     dermis_sight sight = *centre;
@@ -65,7 +75,9 @@ static dermis_sight look_down(const dermis_survey *s, int64_t cell, const double
     return sight;
 }
 
-/* Put the corners of a footprint into `out` (4, 3), seen from its centre: so many sides, and so far beyond that [m]. */
+/* Compute the test points of a cell, relative to its centre, out (4, 3) [m].
+
+   Along each side, a test point is at `share` times the side plus `beyond` [m] from the centre. */
 static void corners_of(const dermis_survey *s, int64_t cell, double share, double beyond, double *out) {
     const double *sides = s->sides + 6 * cell;
     double reach[2];
@@ -76,7 +88,7 @@ static void corners_of(const dermis_survey *s, int64_t cell, double share, doubl
     }
 }
 
-/* Look at the corners of a footprint (4, 3) [m]. */
+/* Find the closest body at four test points, given relative to `at` (4, 3) [m]. */
 static void look_about(const dermis_survey *s, int64_t cell, const double *at, const double *corners, dermis_sight sight, footprint *out) {
     double inward[3];
     for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
@@ -89,7 +101,8 @@ static void look_about(const dermis_survey *s, int64_t cell, const double *at, c
     }
 }
 
-/* Whether all corners can see nothing but the face that the centre sees: nothing else is as near to any of them. */
+/* Whether the flat face that is closest to the centre is also closest to all `count` test points: nothing else is
+   near. */
 static int flat(const dermis_survey *s, const double *at, const double *corners, int count, const dermis_sight *sight) {
     double radius = 0.0;
     for (int corner = 0; corner < count; corner++) {
@@ -100,7 +113,7 @@ static int flat(const dermis_survey *s, const double *at, const double *corners,
     return dermis_sees_plane(s->posed, s->bodies, at, radius, sight);
 }
 
-/* How far the normals of the corners are apart at most. */
+/* Return the largest difference between normals at two test points. */
 static double apart(const footprint *of) {
     double most = 0.0;
     for (int i = 1; i < 5; i++)
@@ -112,14 +125,16 @@ static double apart(const footprint *of) {
     return dermis_root(most);
 }
 
-/* By how much the gap is off linear over the footprint [m]. */
+/* Return the largest deviation of the gap from a linear function over the test points [m]. */
 static double bent(const footprint *of) {
     const double *gap = of->gap;
     double off = dermis_abs(0.25 * (gap[0] + gap[1] + gap[2] + gap[3]) - of->middle);
     return dermis_most(off, 0.25 * dermis_abs(gap[0] - gap[1] - gap[2] + gap[3]));
 }
 
-/* How far normals lean apart along either side of a cell: that tells which way a surface turns, wherever its edge runs. */
+/* Compute the lean along each side of a cell: the range of the normals' components along the side, leaning (2).
+
+   The side with the larger lean crosses the edges of the body. */
 static void lean(const dermis_survey *s, int64_t cell, const footprint *of, double *leaning) {
     for (int axis = 0; axis < 2; axis++) {
         const double *side = s->sides + 6 * cell + 3 * axis;
@@ -132,7 +147,11 @@ static void lean(const dermis_survey *s, int64_t cell, const footprint *of, doub
     }
 }
 
-/* In which ways a cell shall be cut whose normals are farther apart than a limit; where it is cut already, a share of that. */
+/* Return the directions in which a cell is to be divided because its normals differ.
+
+   A side is halved if the normals differ by more than `limit`, or by more than `sharp` once it is halved `often` times.
+   If the last survey halved it, `merge` times this limit is enough. The lean along the side must also be large enough,
+   see ODD and LEVEL. */
 static int64_t turned(const dermis_survey *s, int64_t cell, const footprint *of, double limit, double sharp) {
     const int64_t *halved = s->halved + 2 * cell;
     double most = apart(of), leaning[2];
@@ -146,7 +165,7 @@ static int64_t turned(const dermis_survey *s, int64_t cell, const footprint *of,
     return way;
 }
 
-/* In which ways a cell shall be cut whose gap is off linear. */
+/* Return the directions in which a cell is to be divided because its gap is not linear. */
 static int64_t curved(const dermis_survey *s, int64_t cell, const footprint *of) {
     const int64_t *halved = s->halved + 2 * cell;
     double leaning[2];
@@ -159,7 +178,10 @@ static int64_t curved(const dermis_survey *s, int64_t cell, const footprint *of)
     return way;
 }
 
-/* Return in which way a cell shall be cut, 0 for none: by what its own corners see, and by edges that come near. */
+/* Return the direction in which a cell is divided, 0 for none.
+
+   The first four test points show whether the body is curved at the cell itself. The second four are farther out: they
+   show edges beside the cell. */
 static int64_t way_of(dermis_survey *s, int64_t cell, const double *shift, const dermis_sight *centre) {
     footprint of;
     double at[3], nearest, corners[24];
@@ -179,7 +201,9 @@ static int64_t way_of(dermis_survey *s, int64_t cell, const double *shift, const
     return s->ways[(halved[0] * s->levels + halved[1]) * 4 + way];
 }
 
-/* Walk the tree level by level; return 0 where more cells than `many` may touch, or there is no room for what is found. */
+/* Walk the tree level by level; return 0 if more cells than `many` may touch, or if the arrays are too small.
+
+   farthest: no point of the skin has moved farther than this [m]. */
 static int walk(dermis_survey *s, double many, double farthest) {
     int64_t *cells = s->room, *next = cells + s->most, count = s->roots;
     s->found = s->cut = s->edges = 0;
@@ -191,7 +215,7 @@ static int walk(dermis_survey *s, double many, double farthest) {
             int64_t cell = cells[i], way = 0;
             double shift[3], x[3], inward[3], near = dermis_least(s->limit, s->limits[cell] + s->beside * s->longs[cell]);
             for (int k = 0; k < 3; k++) x[k] = s->positions[3 * cell + k], inward[k] = -s->normals[3 * cell + k];
-            if (s->in_root[s->root[cell]] < 0) { /* skin without points moves less than points do: most of it stays out of reach */
+            if (s->in_root[s->root[cell]] < 0) { /* a quick test: skin without points moves less than points do */
                 dermis_look(s->posed, s->bodies, near + farthest, x, inward, &sight);
                 if (sight.body < 0) continue;
             }
@@ -223,8 +247,10 @@ static int walk(dermis_survey *s, double many, double farthest) {
     return 1;
 }
 
-/* Walk trees from one as fine as the last on: a coarser one where more cells than `many` may touch, a finer one where it
-   has well below that; it has no fewer cells. */
+/* Find the cells that may touch, with a tree whose finest level is adapted to their number.
+
+   The first tree is as fine as that of the last survey. While more cells than `many` may touch, the finest level is
+   lowered. Otherwise it is raised while a finer tree has at most `merge` times `many` cells. */
 DERMIS_NOINLINE static int32_t survey(dermis_survey *s) {
     if (!dermis_known_posed(s->posed, s->bodies)) return DERMIS_NOT_FINITE;
     for (int64_t k = 0; k < 3 * s->points; k++)

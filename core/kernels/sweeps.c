@@ -1,25 +1,31 @@
-/* Unilateral contact with Coulomb friction on a dense compliance: Alart and Curnier's fixed point f = P(f - w / r), node after
-   node there and back (Gauss-Seidel), accelerated by Anderson's method (Walker and Ni, SIAM J. Numer. Anal. 49, 2011). */
+/* Unilateral contact with Coulomb friction on a dense compliance.
+
+   The forces are a fixed point f = P(f - w / r) with Alart and Curnier's projection P. A sweep improves one node after
+   the other (Gauss-Seidel); sweeps come in pairs, the second in reverse order. Anderson's method accelerates them
+   (Walker and Ni, SIAM J. Numer. Anal. 49, 2011). */
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
 
-/* Where the residual is missed although forces stand still, they are to stand this much stiller. */
+/* If the forces hardly change any more but the residual is still too large, the limit of their change is multiplied by
+   this factor. */
 #define STILLER 0.25
-/* Anderson's weights are of changes that may be nearly the same ones: by this share of their sum they are told apart. */
+/* Added to the diagonal of the least-squares matrix of Anderson's weights, as a share of its trace: the matrix is
+   nearly singular if two pairs of sweeps changed the forces in nearly the same way. */
 #define APART 1e-10
-/* With much friction acceleration may lead round in circles: where so many pairs of sweeps came no nearer, so many go without. */
+/* With much friction, acceleration may go round in circles. After more than PATIENCE pairs of sweeps without a smaller
+   change than before, ALONE pairs are done without acceleration. */
 #define PATIENCE 20
 #define ALONE 100
-/* A change whose square grew by more than this was led astray. */
+/* If the squared change of the forces grew by more than this factor, the earlier pairs of sweeps are discarded. */
 #define ASTRAY 4.0
 
-/* A compliance of either precision. */
+/* A compliance in single or double precision; the other pointer is null. */
 typedef struct {
     const float *narrow;
     const double *wide;
-    int64_t stride;
-    int64_t avx2; /* 1: the processor has it */
+    int64_t stride; /* numbers from the start of one row to the start of the next */
+    int64_t avx2;   /* 1: use AVX2 */
 } rows_of;
 
 static inline double entry(const rows_of *c, int64_t row, int64_t column) {
@@ -27,7 +33,9 @@ static inline double entry(const rows_of *c, int64_t row, int64_t column) {
     return c->narrow != NULL ? (double)c->narrow[at] : c->wide[at];
 }
 
-/* Add three rows, each times a component of a force, to an image: the same sums in the same order in registers of any width. */
+/* Add three rows, each multiplied by a component of the force f, to an image.
+
+   The sums and their order are the same in registers of any width. */
 static inline __attribute__((always_inline)) void add_rows(int64_t size, const float *restrict a, int64_t stride, const double *f, double *restrict image) {
     const float *restrict b = a + stride, *restrict d = b + stride;
     double x = f[0], y = f[1], z = f[2];
@@ -42,7 +50,9 @@ __attribute__((target("avx2"), noinline)) static void add_rows_avx2(int64_t size
 #define add_rows_avx2 add_rows
 #endif
 
-/* Add the displacement for a force on one node to that of all. Rows of doubles come from memory no sooner with AVX2. */
+/* Add the displacement of all nodes for a force on one node to the image.
+
+   AVX2 is used for floats only: with doubles, memory limits the speed. */
 static void move_all(const rows_of *c, int64_t count, int64_t node, const double *force, double *image) {
     int64_t first = 3 * node * c->stride;
     double x = force[0], y = force[1], z = force[2];
@@ -56,6 +66,7 @@ static void move_all(const rows_of *c, int64_t count, int64_t node, const double
     }
 }
 
+/* Compute the image C f from the forces. */
 static void move_anew(const dermis_contact *contact, const rows_of *c) {
     int64_t count = contact->count;
     for (int64_t k = 0; k < 3 * count; k++) contact->image[k] = 0.0;
@@ -65,10 +76,10 @@ static void move_anew(const dermis_contact *contact, const rows_of *c) {
     }
 }
 
-/* Whether anything is near: of what is not, the normal is zero, or rounding has left next to nothing of it. */
+/* Whether a body is near the node. Otherwise the normal is zero, up to rounding. */
 static int near(const double *normal) { return dermis_dot(normal, normal) > 0.5; }
 
-/* Alart and Curnier's projection: no tension, and no more tangential force than friction allows. */
+/* Alart and Curnier's projection: set tension to zero, and shorten the tangential force to the friction limit. */
 static void project(double *force, const double *normal, double friction) {
     if (!near(normal)) {
         force[0] = force[1] = force[2] = 0.0;
@@ -81,16 +92,17 @@ static void project(double *force, const double *normal, double friction) {
     for (int k = 0; k < 3; k++) force[k] = press * normal[k] + share * force[k];
 }
 
-/* The trace of a node's own compliance, with that of the surface below it: it is above every eigenvalue. */
+/* Return the trace of a node's own compliance, including that of the body below it. No eigenvalue is larger. */
 static double own_of(const rows_of *c, int64_t node, double softness) {
     double sum = 3.0 * softness;
     for (int64_t k = 3 * node; k < 3 * node + 3; k++) sum += entry(c, k, k);
     return sum;
 }
 
-/* Take a node's step towards its own contact, the forces on all others held; return the square of how its force changes.
+/* Improve the force on one node while all other forces are fixed; return the squared change of the force.
 
-   An exact answer of each node's own contact takes more sweeps, and with much friction it jumps: nodes answer each other for ever. */
+   This is one step of the fixed-point iteration. With an exact solution for each single node, more sweeps are needed,
+   and with much friction the forces jump back and forth without end. */
 static double visit(const dermis_contact *contact, const rows_of *c, int64_t i) {
     double *force = contact->force + 3 * i, free[3], found[3] = {0.0, 0.0, 0.0}, change[3];
     const double *normal = contact->normals + 3 * i, *image = contact->image + 3 * i, *offset = contact->offset + 3 * i;
@@ -110,9 +122,9 @@ static double visit(const dermis_contact *contact, const rows_of *c, int64_t i) 
     return square;
 }
 
-/* Return the distance from the fixed point f = P(f - w / own), over the size of the forces, as `cone.assess` does.
+/* Return the residual of f = P(f - w / own), relative to the larger norm of both sides, as `cone.assess` does.
 
-   It is infinite where any of that is beyond numbers: comparisons with what is no number would pass for no distance at all. */
+   It is infinite if a number in it is not finite. Otherwise a NaN would end the sweeps like a small residual. */
 static double residual_of(const dermis_contact *contact, const rows_of *c) {
     double error = 0.0, size = 0.0, projected = 0.0;
     for (int64_t i = 0; i < contact->count; i++) {
@@ -130,6 +142,8 @@ static double residual_of(const dermis_contact *contact, const rows_of *c) {
     return size > 0.0 ? dermis_root(error / size) : 0.0;
 }
 
+/* Whether all numbers of the nodes are finite, and friction and softness not negative; `wrong` is the node that is
+   not. */
 static int known(dermis_contact *contact) {
     for (int64_t i = 0; i < contact->count; i++) {
         const double *given[] = {contact->offset + 3 * i, contact->normals + 3 * i, contact->force + 3 * i};
@@ -143,17 +157,22 @@ static int known(dermis_contact *contact) {
     return 1;
 }
 
-/* The last pairs of sweeps: where each led to, force and image, and by how much it changed the forces. */
+/* History of the last pairs of sweeps. */
 typedef struct {
     int64_t size;    /* 3 count */
-    int kept;        /* pairs of sweeps that are known */
-    double *store;   /* (DERMIS_KEPT + 1, 3, size) */
-    double last;     /* the square of the last change */
+    int kept;        /* number of earlier pairs in the store */
+    double *store;   /* for each pair: the force and the image after it, and the change of the force in it
+                        (DERMIS_KEPT + 1, 3, size) */
+    double last;     /* square of the last change */
 } past;
 
+/* Return a vector of pair number `which`: its force for `what` = 0, its image for 1, its change for 2. */
 static double *told(const past *known, int which, int what) { return known->store + (3 * (int64_t)which + what) * known->size; }
 
-/* Find the weights of the earlier changes with which the last one cancels best: least squares, by Cholesky's factor. */
+/* Find the weights for which now - sum_a weight_a (now - change_a) is smallest: least squares by Cholesky
+   factorisation.
+
+   now: change of the last pair. right: out, the weights of the earlier pairs (kept). */
 static void weigh(const past *known, const double *now, double *right) {
     double matrix[DERMIS_KEPT][DERMIS_KEPT], trace = 0.0;
     int m = known->kept;
@@ -183,7 +202,9 @@ static void weigh(const past *known, const double *now, double *right) {
     }
 }
 
-/* Anderson's acceleration: go to where the changes of the last pairs of sweeps cancel best. */
+/* Anderson's acceleration: combine the last pairs of sweeps such that their changes cancel best.
+
+   before: forces before the last pair. */
 static void accelerate(dermis_contact *contact, past *known, const double *before) {
     int64_t size = known->size;
     double *force = contact->force, *image = contact->image, square = 0.0;
@@ -193,7 +214,7 @@ static void accelerate(dermis_contact *contact, past *known, const double *befor
         now[0][k] = force[k], now[1][k] = image[k], now[2][k] = force[k] - before[k];
         square += now[2][k] * now[2][k];
     }
-    if (m > 0 && square > ASTRAY * known->last) { /* begin anew from here */
+    if (m > 0 && square > ASTRAY * known->last) { /* keep only the last pair as history */
         for (int what = 0; what < 3; what++)
             for (int64_t k = 0; k < size; k++) told(known, 0, what)[k] = now[what][k];
         known->kept = 1, known->last = square;
@@ -218,7 +239,9 @@ static void accelerate(dermis_contact *contact, past *known, const double *befor
             for (int64_t k = 0; k < size; k++) told(known, a, what)[k] = told(known, a + 1, what)[k];
 }
 
-/* Sweep all nodes of a contact until its residual is small; `work` has room for (3 DERMIS_KEPT + 4, count, 3). */
+/* Sweep all nodes of a contact until the residual is within the tolerance.
+
+   work: workspace (3 DERMIS_KEPT + 4, count, 3). */
 static void sweep_all(dermis_contact *contact, const rows_of *c, double *work) {
     int64_t count = contact->count;
     double still = contact->tolerance, *before = work + 3 * (DERMIS_KEPT + 1) * 3 * count;
@@ -228,7 +251,7 @@ static void sweep_all(dermis_contact *contact, const rows_of *c, double *work) {
     move_anew(contact, c);
     contact->sweeps = 0;
     contact->residual = residual_of(contact, c);
-    /* what it starts from need not lie within the cones: it is swept once at least */
+    /* the initial forces may violate the friction limit: unless their residual is exactly 0, sweep at least once */
     while (contact->residual > (contact->sweeps ? contact->tolerance : 0.0) && contact->sweeps < contact->most) {
         double change = 0.0, size = 0.0;
         for (int64_t k = 0; k < 3 * count; k++) before[k] = contact->force[k];
@@ -236,7 +259,7 @@ static void sweep_all(dermis_contact *contact, const rows_of *c, double *work) {
         for (int64_t k = 0; k < count; k++) change += visit(contact, c, count - 1 - k);
         for (int64_t k = 0; k < 3 * count; k++) size += contact->force[k] * contact->force[k];
         contact->sweeps += 2;
-        if (!dermis_finite(size)) { /* a compliance that gives way leads beyond all numbers */
+        if (!dermis_finite(size)) { /* forces grow without limit if the compliance is not positive definite */
             for (int64_t k = 0; k < 3 * count; k++) contact->force[k] = contact->image[k] = 0.0;
             contact->residual = __builtin_inf();
             break;
@@ -257,14 +280,14 @@ static void sweep_all(dermis_contact *contact, const rows_of *c, double *work) {
     }
 }
 
-/* Copy the given nodes' values, `width` a node; return where the room goes on. */
+/* Copy the values of the given nodes, `width` numbers each, to the workspace; return the next free place in it. */
 static double *gathered(const dermis_contact *contact, const double *values, int64_t width, double *room) {
     for (int64_t i = 0; i < contact->given; i++)
         for (int64_t k = 0; k < width; k++) room[width * i + k] = values[width * contact->nodes[i] + k];
     return room + width * contact->given;
 }
 
-/* Copy the compliance between the given nodes; return where the room goes on. */
+/* Copy the compliance between the given nodes to the workspace; return the next free place in it. */
 static double *gathered_rows(const dermis_contact *contact, const rows_of *c, rows_of *out) {
     int64_t side = 3 * contact->given;
     float *narrow = (float *)contact->room;
@@ -283,7 +306,7 @@ static double *gathered_rows(const dermis_contact *contact, const rows_of *c, ro
     return contact->room + (c->narrow != NULL ? (side * side + 1) / 2 : side * side);
 }
 
-/* Sweep the given nodes alone: what they leave on the others is seen in the residual. */
+/* Sweep the given nodes only. The residual is that of all nodes, so it shows if another node needs a force. */
 static void sweep_given(dermis_contact *contact, const rows_of *c) {
     rows_of own;
     dermis_contact part = *contact;

@@ -1,18 +1,20 @@
-/* A tree of boxes over triangles.
+/* A tree of boxes around triangles.
 
-   Skin presses on surfaces. Seen from close above, boxes along the coordinate axes come as near as the triangles right below.
-   So these boxes are turned: the first axis is the mean normal of the triangles, and a box is as thick as they bulge. */
+   Skin lies close to the surfaces that it presses on. There, boxes along the coordinate axes would seem nearly as close
+   as the closest triangles, so a search could leave few out. Therefore each box has axes of its own: the first is the
+   mean normal of its triangles, and the box is only as thick along it as they bulge. */
 #include "boxes.h"
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
 #include "triangle.h"
 
-/* Boxes give way by this share of the largest coordinate: rounding in double precision is 16 times smaller. */
+/* Boxes are enlarged by this share of the largest coordinate for rounding, whose error is 16 times smaller. */
 #define ROUNDING (64.0 * DBL_EPSILON)
-/* A component that is shorter than this share of its vector is rounding. */
+/* A component that is shorter than this share of its vector is a rounding error. */
 #define NOTHING 1e-6
 
+/* The position of a triangle. */
 typedef struct {
     double centre[3];
     int64_t triangle;
@@ -23,7 +25,10 @@ static inline int before(const place *a, const place *b, int axis) {
     return a->triangle < b->triangle;
 }
 
-/* Put the smallest places along an axis first, so many as `middle` says; which ones they are does not depend on the order. */
+/* Sort places in part: of places[low .. high - 1], put the smallest along an axis before index `middle`, the rest from
+   it on.
+
+   Ties are decided by the triangles' numbers, so the two sets do not depend on the order before. */
 static void part(place *places, int64_t low, int64_t high, int64_t middle, int axis) {
     uint64_t chance = 0x9e3779b97f4a7c15u;
     for (high--; low < high;) {
@@ -48,6 +53,7 @@ static void part(place *places, int64_t low, int64_t high, int64_t middle, int a
     }
 }
 
+/* Return the axis along which the centres of places[low .. high - 1] extend farthest. */
 static int longest(const place *places, int64_t low, int64_t high) {
     double least[3], most[3];
     for (int k = 0; k < 3; k++) least[k] = most[k] = places[low].centre[k];
@@ -70,7 +76,7 @@ static int sound(const dermis_tree *tree) {
 
 DERMIS_NOINLINE static int32_t split(dermis_tree *tree) {
     int64_t count = tree->count, total = tree->total, blocks = blocks_of(tree);
-    place *places = (place *)tree->packed; /* which is filled later */
+    place *places = (place *)tree->packed; /* used as workspace: `fit` fills it later */
     for (int64_t i = 0; i < count; i++) {
         int64_t triangle = tree->order[i];
         if (triangle < 0 || triangle >= total) return DERMIS_BAD_RECORD;
@@ -83,7 +89,7 @@ DERMIS_NOINLINE static int32_t split(dermis_tree *tree) {
         }
         places[i].triangle = triangle;
     }
-    int levels = 0; /* halvings until a part is a block */
+    int levels = 0; /* number of halvings after which each part is one block */
     while (blocks > (int64_t)1 << levels) levels++;
     for (int level = 0; level < levels; level++)
         for (int64_t j = 0; j < (int64_t)1 << level; j++) {
@@ -92,7 +98,7 @@ DERMIS_NOINLINE static int32_t split(dermis_tree *tree) {
             if (high > count) high = count;
             if (low < middle && middle < high) part(places, low, high, middle, longest(places, low, high));
         }
-    for (int64_t low = 0; low < count; low += DERMIS_LANES) /* in a block by number, whatever they came in */
+    for (int64_t low = 0; low < count; low += DERMIS_LANES) /* sort each block by number */
         for (int64_t i = low; i < low + DERMIS_LANES && i < count; i++) {
             int64_t at = i, triangle = places[i].triangle;
             for (; at > low && tree->order[at - 1] > triangle; at--) tree->order[at] = tree->order[at - 1];
@@ -101,12 +107,17 @@ DERMIS_NOINLINE static int32_t split(dermis_tree *tree) {
     return DERMIS_DONE;
 }
 
-/* A box while it is made: its middle, its axes, half its size along them, and how much its triangles face the first [m]. */
+/* A box in double precision: its centre [m], unit axes, half its size along each [m], and the length of the sum of its
+   triangles' area vectors, times 2 [m^2]. */
 typedef struct {
     double middle[3], axis[3][3], half[3], facing;
 } box;
 
-/* Make the box about points along two axes, if it is smaller than the one that is there; the third is square to them. */
+/* Compute the box around points with given axes; keep it if it is the first, or has a smaller face than the box in
+   `out`.
+
+   facing: the first axis. towards: the second axis is the part of this vector that is normal to the first. If there is
+   no such part, nothing is done. */
 static void boxed(box *out, double (*points)[3], int count, const double *facing, const double *towards, int first) {
     double axis[3][3], middle[3], half[3];
     double off = dermis_dot(towards, facing);
@@ -131,7 +142,10 @@ static void boxed(box *out, double (*points)[3], int count, const double *facing
     }
 }
 
-/* Bound points, which are moved, by a box whose first axis is where their triangles face. */
+/* Compute a box around points, whose first axis is along `facing`, the area vector of their triangles.
+
+   Two directions are tried for the second axis: a coordinate axis along which the points extend far, and the direction
+   to the point that is farthest from their middle, measured across the first axis. `points` are changed. */
 static void bound(box *out, double (*points)[3], int count, const double *facing) {
     double middle[3], size[3], unit[3], far[3] = {0.0, 0.0, 0.0}, farthest = 0.0;
     for (int k = 0; k < 3; k++) {
@@ -141,7 +155,7 @@ static void bound(box *out, double (*points)[3], int count, const double *facing
     }
     out->facing = dermis_root(dermis_dot(facing, facing));
     for (int k = 0; k < 3; k++) unit[k] = out->facing > 0.0 ? facing[k] / out->facing : k == 0;
-    for (int j = 0; j < count; j++) { /* about the middle, so that nothing cancels */
+    for (int j = 0; j < count; j++) { /* relative to the middle, so that no digits cancel */
         double square = 0.0, off;
         for (int k = 0; k < 3; k++) points[j][k] -= middle[k];
         off = dermis_dot(points[j], unit);
@@ -160,7 +174,7 @@ static void bound(box *out, double (*points)[3], int count, const double *facing
     for (int k = 0; k < 3; k++) out->middle[k] += middle[k];
 }
 
-/* Bound a triangle by the flat box along its longest edge. */
+/* Compute the flat box around a triangle, with its second axis along the longest edge. */
 static void bound_triangle(box *out, const double *row) {
     double edge[3][3], normal[3];
     int longest = 0;
@@ -173,7 +187,7 @@ static void bound_triangle(box *out, const double *row) {
     for (int k = 0; k < 3; k++) out->axis[0][k] = normal[k] / out->facing, out->axis[1][k] = edge[longest][k] / length;
     dermis_cross(out->axis[0], out->axis[1], out->axis[2]);
     for (int k = 0; k < 3; k++) out->middle[k] = row[k];
-    for (int i = 0; i < 3; i++) { /* from corner a */
+    for (int i = 0; i < 3; i++) { /* the coordinates are relative to corner a, where they are 0 */
         double b = dermis_dot(row + AB, out->axis[i]), c = dermis_dot(row + AC, out->axis[i]);
         double low = dermis_least(0.0, dermis_least(b, c)), high = dermis_most(0.0, dermis_most(b, c));
         out->half[i] = (high - low) / 2.0;
@@ -181,7 +195,7 @@ static void bound_triangle(box *out, const double *row) {
     }
 }
 
-/* Put the corners of triangles into points, and return how much they face where: their area vectors, twice, summed. */
+/* Fill in the corners of triangles, and the sum of their area vectors, times 2 [m^2]; return the number of corners. */
 static int corners_of(const double *row, int64_t count, double (*points)[3], double *facing) {
     for (int k = 0; k < 3; k++) facing[k] = 0.0;
     for (int64_t i = 0; i < count; i++, row += DERMIS_ROW) {
@@ -195,13 +209,14 @@ static int corners_of(const double *row, int64_t count, double (*points)[3], dou
     return (int)(3 * count);
 }
 
-/* Put the corners of boxes into points, and return how much their triangles face where. */
+/* Fill in the corners of boxes, and the sum of their triangles' area vectors, times 2 [m^2]; return the number of
+   corners. */
 static int corners_of_boxes(const box *boxes, int count, double (*points)[3], double *facing) {
     int n = 0;
     for (int k = 0; k < 3; k++) facing[k] = 0.0;
     for (int i = 0; i < count; i++) {
         const box *b = &boxes[i];
-        if (b->half[0] < 0.0) continue; /* of nothing */
+        if (b->half[0] < 0.0) continue; /* an empty box */
         for (int j = 0; j < 8; j++, n++)
             for (int k = 0; k < 3; k++)
                 points[n][k] = b->middle[k] + (j & 1 ? 1.0 : -1.0) * b->half[0] * b->axis[0][k] +
@@ -212,9 +227,12 @@ static int corners_of_boxes(const box *boxes, int count, double (*points)[3], do
     return n;
 }
 
+/* The empty box: its half sizes are negative. */
 static const box NONE = {{0.0, 0.0, 0.0}, {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}}, {-1.0, -1.0, -1.0}, 0.0};
 
-/* Store a box in single precision, in a lane of its boxes. */
+/* Store a box in single precision, as number `lane` of a group of boxes.
+
+   give: enlargement of the box on each side [m]. */
 static void store(const dermis_tree *tree, const box *b, float *boxes, int lane, double give) {
     int none = b->half[0] < 0.0;
     for (int k = 0; k < 3; k++) {
@@ -226,7 +244,9 @@ static void store(const dermis_tree *tree, const box *b, float *boxes, int lane,
     boxes[DERMIS_LANES * 15 + lane] = 0.0f;
 }
 
-/* Make the boxes of the children of a node, and return the node's own. */
+/* Compute and store the boxes of a node's children, recursively, or of a leaf's triangles; return the node's own box.
+
+   level: of the node. j: its number among the nodes of this level. */
 static box bounded(const dermis_tree *tree, int64_t node, int level, int64_t j, double give) {
     double points[8 * DERMIS_LANES][3], facing[3];
     int64_t blocks = blocks_of(tree), inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3;

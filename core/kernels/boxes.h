@@ -1,7 +1,8 @@
-/* Boxes in single precision, four at once: how far a point is from each of them at least.
+/* Lower bounds of the distances from a point to four boxes at once, in single precision.
 
-   Of four boxes there are, four numbers each: the middle (0 to 2), the axes (3 to 11), and half the size along them (12 to 14),
-   in units of the tree's scale about its middle. They are bounds: rounding makes them too small, never too large. */
+   A group of four boxes has 16 quantities of four floats: the centre (0 to 2), the axes (3 to 11), half the size along
+   each axis (12 to 14), and one that is not used. Lengths are divided by the tree's scale, and the tree's middle is the
+   origin. Rounding can make a computed distance too small, but never too large. */
 #ifndef DERMIS_BOXES_H
 #define DERMIS_BOXES_H
 
@@ -13,21 +14,25 @@ typedef int32_t dermis_bits __attribute__((vector_size(4 * DERMIS_LANES), aligne
 
 enum { AXES = 3, HALF = 12 };
 
-/* Rounding of a distance in the tree's units, as a share of the way to the middle and of the tree's size: places, axes and
-   ten operations in single precision round by 2^-24 of it each. */
+/* Bound of the rounding error of a distance, as a share of the distance to the tree's middle and of the tree's size:
+   positions, axes and ten operations in single precision have relative errors of up to 2^-24 each. */
 #define ROUNDED 2e-6f
-/* Farther than this in the tree's units single precision tells nothing; so far away is the box of nothing. */
+/* FARTHEST: largest coordinate in the tree's units for which bounds are computed; single precision does not tell boxes
+   apart farther away. NOWHERE: a length above all others in the tree's units. An empty box has its negative as half
+   size. */
 #define FARTHEST 1e15
 #define NOWHERE 1e18f
-/* A ray that moves by less than this along an axis, over its length, is parallel to the box there. */
+/* A ray counts as parallel to the faces across an axis of a box if the component of its direction along the axis is
+   smaller than this. */
 #define LEVEL 1e-19f
 
+/* A point in the tree's units; each number is in all lanes. */
 typedef struct {
-    dermis_lanes x[3]; /* of the point */
-    dermis_lanes give; /* rounding of its distances */
+    dermis_lanes x[3]; /* coordinates */
+    dermis_lanes give; /* bound of the rounding error of its distances */
 } dermis_place;
 
-/* Put a point into the tree's units; return 0 where it is too far away for bounds. */
+/* Convert a point to the tree's units; return 0 if it is too far away for bounds in single precision. */
 static inline int dermis_placed(const dermis_tree *tree, const double *x, dermis_place *place) {
     double farthest = 0.0;
     for (int k = 0; k < 3; k++) {
@@ -40,13 +45,15 @@ static inline int dermis_placed(const dermis_tree *tree, const double *x, dermis
     return 1;
 }
 
-/* Return the squared limit of bounds for a squared distance [m^2]: triangles equally close but for rounding are within. */
+/* Convert a squared distance [m^2] to a limit for squared bounds in the tree's units.
+
+   It is a little larger, so that triangles which are equally close up to rounding are within it. */
 static inline float dermis_limit(const dermis_tree *tree, double square) {
     double limit = square / (tree->scale * tree->scale) * (1.0 + 1e-5);
     return limit < FARTHEST * FARTHEST ? (float)limit : __builtin_inff();
 }
 
-/* Return lower bounds of the squared distances to four boxes. */
+/* Compute lower bounds of the squared distances from a point to four boxes, in the tree's units (4). */
 static inline void dermis_away(const float *boxes, const dermis_place *place, float *squares) {
     const dermis_lanes *of = (const dermis_lanes *)boxes;
     dermis_lanes d[3], square = {0.0f, 0.0f, 0.0f, 0.0f}, none = square;
@@ -67,20 +74,20 @@ static inline dermis_lanes dermis_lower(dermis_lanes a, dermis_lanes b, int larg
     return (dermis_lanes)(((dermis_bits)a & first) | ((dermis_bits)b & ~first));
 }
 
-/* Tell which of four boxes a ray from a place may meet: bits that are set, lane by lane.
+/* Return for each of four boxes whether a ray from a point may meet it: all bits of its lane are then set.
 
-   way: the ray's direction, each number in all lanes. */
+   way: direction of the ray, each component in all lanes. */
 static inline dermis_bits dermis_pierced(const float *boxes, const dermis_place *place, const dermis_lanes *way) {
     const dermis_lanes *of = (const dermis_lanes *)boxes;
     dermis_lanes from = {0.0f, 0.0f, 0.0f, 0.0f}, to = from + NOWHERE, least = from + LEVEL;
-    dermis_bits filled = of[HALF] >= from; /* not those of nothing */
+    dermis_bits filled = of[HALF] >= from; /* an empty box is never met */
     for (int i = 0; i < 3; i++) {
         dermis_lanes off = from - from, along = off;
         for (int k = 0; k < 3; k++) {
             off += of[AXES + 3 * i + k] * (place->x[k] - of[k]);
             along += of[AXES + 3 * i + k] * way[k];
         }
-        dermis_bits level = along * along < least * least; /* the box is as good as parallel there */
+        dermis_bits level = along * along < least * least; /* the ray is parallel to the faces across this axis */
         along = (dermis_lanes)(((dermis_bits)along & ~level) | ((dermis_bits)least & level));
         dermis_lanes half = of[HALF + i] + place->give, in = (-half - off) / along, out = (half - off) / along;
         from = dermis_lower(from, dermis_lower(in, out, 0), 1);

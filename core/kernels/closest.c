@@ -1,41 +1,46 @@
-/* The closest triangle of each point: an exact search without any state.
+/* The closest triangle of a point: an exact search without state.
 
-   A triangle is left out only where a lower bound of its distance exceeds an upper bound of the closest one, so the
-   answer is the same as trying all of them. The hint and the tree only choose where the search begins. */
+   A triangle is left out only if a lower bound of its distance exceeds an upper bound of the distance of the closest
+   one. So the result is the same as if all triangles were measured. The hint and the tree affect only the run time. */
 #include "closest.h"
 
 #include "boxes.h"
 #include "triangle.h"
 
-/* Triangles within this relative squared distance of the best are equally close; the lowest number wins. */
+/* Triangles are equally close if their squared distances differ by at most this share. The one with the lowest number
+   is then taken. */
 #define TIE 1e-12
-/* Lengths that bound others give way by this share for rounding. */
+/* Upper bounds of lengths are enlarged by this share for rounding. */
 #define SLACK 1e-9
-/* A triangle lies in a plane whose corners are no farther from it than this [m]. */
+/* A triangle lies in a plane if its corners are no farther than this from the plane [m]. */
 #define IN_PLANE 1e-9
-/* So many equally close triangles are remembered; where there are more, they are looked for a second time. */
+/* Number of equally close triangles that are stored. If there are more, a second search finds the lowest number. */
 #define TIES 32
-/* Weights below this count as on an edge or a corner. */
+/* A weight up to this counts as zero: the closest point is then on an edge or a corner. */
 #define ON_FEATURE 1e-9
 
+/* The closest point of one triangle: squared distance [m^2], weights u of corner b and w of corner c, the triangle's
+   row. */
 typedef struct {
     double square, u, w;
     const double *row;
 } hit;
 
 typedef struct {
-    double bound; /* squared: nothing farther is closest, be it for the closest so far, a hint or the limit [m^2] */
-    double least; /* squared distance of the closest so far [m^2] */
-    int count;    /* of ties; more than TIES where some were not remembered */
-    hit ties[TIES];
+    double bound; /* upper bound of the closest triangle's squared distance, from the limit, the hint and `least`
+                     [m^2] */
+    double least; /* squared distance of the closest triangle so far [m^2] */
+    int count;    /* number of ties; TIES + 1 if not all of them are stored */
+    hit ties[TIES]; /* triangles that may be equally close */
 } search;
 
+/* Measure a triangle, and store it if it may be the closest one. */
 static inline void consider(search *found, const double *row, const double *x) {
     hit own = {0.0, 0.0, 0.0, row};
     own.square = dermis_on_triangle(row, x, &own.u, &own.w);
     if (!(own.square <= found->bound * (1.0 + TIE))) return;
     if (own.square < found->least) {
-        if (own.square * (1.0 + TIE) < found->least) found->count = 0; /* all others were farther */
+        if (own.square * (1.0 + TIE) < found->least) found->count = 0; /* the stored triangles are all farther */
         found->least = own.square;
         found->bound = dermis_least(found->bound, own.square);
     }
@@ -45,16 +50,17 @@ static inline void consider(search *found, const double *row, const double *x) {
         found->count = TIES + 1;
 }
 
-/* Keep the lowest number of the triangles that are as close as the closest one. */
+/* Replace `lowest` by a triangle if this is as close as the closest one and has a lower number. */
 static inline void consider_number(const search *found, const double *row, const double *x, hit *lowest) {
     hit own = {0.0, 0.0, 0.0, row};
     own.square = dermis_on_triangle(row, x, &own.u, &own.w);
     if (own.square <= found->least * (1.0 + TIE) && (lowest->row == NULL || row[NUMBER] < lowest->row[NUMBER])) *lowest = own;
 }
 
-/* Look at all triangles that may be closest; `lowest` is null in the first search.
+/* Measure all triangles of a tree that may be the closest one.
 
-   place: of the point, in the tree's units; see `dermis_placed`. */
+   place: the point in the tree's units, see `dermis_placed`. lowest: null in the first search, which fills `found`. In
+   the second search, out: of the triangles as close as `found->least`, the one with the lowest number. */
 static void descend(const dermis_tree *tree, const double *x, const dermis_place *place, search *found, hit *lowest) {
     int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES;
     int64_t nodes[64];
@@ -72,7 +78,8 @@ static void descend(const dermis_tree *tree, const double *x, const dermis_place
                 if (!(least[k] <= limit)) continue;
                 int at = open++;
                 for (; at > from && squares[at - 1] < least[k]; at--) nodes[at] = nodes[at - 1], squares[at] = squares[at - 1];
-                nodes[at] = 4 * node + 1 + k, squares[at] = least[k]; /* the nearest last, which is looked at first */
+                nodes[at] = 4 * node + 1 + k, squares[at] = least[k]; /* sorted: the nearest box is last, and taken
+                                                                         first */
             }
             continue;
         }
@@ -94,7 +101,7 @@ static void descend(const dermis_tree *tree, const double *x, const dermis_place
     }
 }
 
-/* Return the lowest number of the triangles that are as close as the closest one, null without any. */
+/* Return the stored triangle with the lowest number among those as close as the closest one; null if there is none. */
 static const hit *chosen(const search *found) {
     const hit *best = NULL;
     for (int i = 0; i < found->count; i++)
@@ -103,19 +110,20 @@ static const hit *chosen(const search *found) {
     return best;
 }
 
-/* Read the feature off the weights: 0 within the face, 1 + k on edge k, 4 + k on corner k. */
+/* Return the feature for barycentric weights (3): 0 within the face, 1 + k on edge k, 4 + k on corner k. */
 static int feature_of(const double *weights) {
     int zero = (weights[0] <= ON_FEATURE) + (weights[1] <= ON_FEATURE) + (weights[2] <= ON_FEATURE), k = 0;
-    if (zero == 2) { /* the corner of the largest weight */
+    if (zero == 2) { /* the corner with the largest weight */
         for (int j = 1; j < 3; j++)
             if (weights[j] > weights[k]) k = j;
         return 4 + k;
     }
     if (!zero) return 0;
-    while (weights[k] > ON_FEATURE) k++; /* the edge opposite the corner without weight */
+    while (weights[k] > ON_FEATURE) k++; /* corner k has no weight: the edge opposite to it */
     return 1 + (k + 1) % 3;
 }
 
+/* Fill in the result for the closest triangle; return 1. */
 static int answer(const hit *found, int64_t slot, dermis_closest_point *out) {
     const double *row = found->row;
     double *weights = out->weights;
@@ -130,12 +138,15 @@ static int answer(const hit *found, int64_t slot, dermis_closest_point *out) {
     return 1;
 }
 
-/* Find the closest triangle of a point by looking at every one. */
+/* Find the closest triangle of a point without a tree; see `dermis_find_closest`.
+
+   Two passes measure the triangles whose bounding ball is near enough: the first finds the least distance, the second
+   the lowest number. */
 static int look_at_all(const dermis_tree *tree, const double *x, double limit, dermis_closest_point *out) {
     const double *bounds = tree->bounds;
     int64_t total = tree->total;
     double reach = limit, rows[2][DERMIS_ROW], least = __builtin_inf();
-    for (int64_t j = 0; j < tree->count; j++) { /* a ball about each: where the closest ends at the latest */
+    for (int64_t j = 0; j < tree->count; j++) { /* no triangle is farther than the far side of its bounding ball */
         int64_t triangle = tree->order[j];
         double d[3];
         for (int k = 0; k < 3; k++) d[k] = bounds[k * total + triangle] - x[k];
@@ -182,7 +193,7 @@ int dermis_find_closest(const dermis_tree *tree, const double *x, double limit, 
     return best != NULL && best->row != NULL && answer(best, (best->row - tree->packed) / DERMIS_ROW, out);
 }
 
-/* Whether a triangle lies in a plane and faces as it does. */
+/* Whether a triangle lies in a plane and its normal is on the same side as the plane's. */
 static int in_plane(const double *row, const double *plane) {
     double facing[3], at = dermis_dot(row, plane) - plane[3], b = at + dermis_dot(row + AB, plane), c = at + dermis_dot(row + AC, plane);
     dermis_cross(row + AB, row + AC, facing);

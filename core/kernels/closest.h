@@ -1,26 +1,27 @@
-/* The closest triangle of a point: for the library's own files. */
+/* The closest triangle of a point. For the library's own files only. */
 #ifndef DERMIS_CLOSEST_H
 #define DERMIS_CLOSEST_H
 
 #include "kernels.h"
 
 typedef struct {
-    double weights[3];      /* of the triangle's corners at the closest point */
+    double weights[3];      /* barycentric weights of the closest point in the triangle */
     double point[3];        /* the closest point [m] */
-    int64_t slot;           /* of the triangle in the tree */
-    int feature;            /* 0 within the face, 1 + k on edge k (k to k + 1), 4 + k on corner k */
-    double row[DERMIS_ROW]; /* the triangle; see triangle.h */
+    int64_t slot;           /* slot of the triangle in the tree */
+    int feature;            /* 0 within the face, 1 + k on edge k (corner k to k + 1), 4 + k on corner k */
+    double row[DERMIS_ROW]; /* data of the triangle, see triangle.h */
 } dermis_closest_point;
 
-/* Find the closest triangle of a point [m] that is no farther than a limit [m]; return 0 where there is none.
+/* Find the closest triangle of a point x [m]; return 1, or 0 if none is within the limit [m].
 
-   A tree without `packed` is searched by looking at every triangle. The hint is a slot whose triangle is likely near, or -1;
-   it changes the time alone. */
+   If `packed` of the tree is null, all triangles are examined. hint: slot of a triangle that is likely near, or -1; it
+   affects only the run time. */
 int dermis_find_closest(const dermis_tree *tree, const double *x, double limit, int64_t hint, dermis_closest_point *out);
 
-/* Whether all triangles that are no farther from a point than a radius [m] lie in a plane and face along its unit normal.
+/* Whether all triangles within a radius [m] of a point x [m] lie in a given plane and face along its normal.
 
-   plane: the normal, and how far the plane is along that [m]. */
+   It is also 0 if this cannot be determined: without a tree, or if the point is too far away.
+   plane: unit normal, and coordinate of the plane along it [m] (4). */
 int dermis_only_plane(const dermis_tree *tree, const double *x, double radius, const double *plane);
 
 #endif

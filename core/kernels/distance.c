@@ -1,27 +1,33 @@
-/* The signed distance to a body.
+/* The signed distance of a point to a body.
 
-   Of a closed body that does not run through itself, the side is that of the angle-weighted normal of the closest face,
-   edge or corner (Baerentzen and Aanaes 2005). Where it runs through itself, and where no normal decides, rays count
-   how often it winds round the point. Of solids that run through each other the smallest distance counts. An open sheet
-   is negative behind its faces; what has passed beside its rim is outside. */
+   If a closed body does not intersect itself, the angle-weighted normal of the closest face, edge or corner determines
+   whether the point is inside (Baerentzen and Aanaes 2005). If it does intersect itself, or if the closest edge or
+   corner is irregular, the winding number determines it, which is counted along rays. If several solids overlap, the
+   smallest of their signed distances is taken. For an open sheet, the distance is negative behind its faces; points
+   beyond its rim are outside. */
 #include "distance.h"
 
 #include "closest.h"
 #include "float_environment.h"
 #include "rays.h"
 
-/* A point is straight above a rim if it is off by less than this fraction of its distance. */
+/* A point whose closest point is on a rim is straight above the rim if its offset across the normal is at most this
+   share of its distance. Otherwise it is beyond the rim. */
 #define STRAIGHT 1e-6
-/* Nearer than this to a surface the way to its closest point has no direction to speak of [m]. */
+/* Up to this distance [m], the direction to the closest point is not accurate, so the surface's normal is used
+   instead. */
 #define ON_SURFACE 1e-9
-/* Vectors shorter than this have no direction. */
+/* A pseudonormal that is not longer than this has no direction. */
 #define NO_LENGTH 1e-9
 
-/* The sum of products in the order of numpy's einsum, by which earlier versions measured: their answers are kept to the
-   bit. */
+/* Dot product in the order in which NumPy's einsum sums. Earlier versions used einsum; the results are still the same
+   bits. */
 static inline double dot(const double *a, const double *b) { return a[0] * b[0] + a[2] * b[2] + a[1] * b[1]; }
 
-/* Add the normals of faces, weighted by their angles, to their vertices; to one vertex alone, unless that is -1. */
+/* Add the unit normals of faces, weighted by the faces' angles, to the sums of their vertices.
+
+   vertex: the only vertex whose sum is wanted, or -1 for all. out: the sum (3), or those of all vertices (vertices,
+   3). */
 static void add_normals(const dermis_body *body, int64_t vertex, double *out) {
     const dermis_tree *tree = body->tree;
     int64_t total = tree->total;
@@ -41,7 +47,8 @@ static void add_normals(const dermis_body *body, int64_t vertex, double *out) {
     }
 }
 
-/* Put the normal of the closest face, edge or corner into `out`, of any length; return its kind. */
+/* Compute the pseudonormal of the closest face, edge or corner, of any length; return its kind, such as
+   DERMIS_REGULAR. */
 static int pseudonormal(const dermis_body *body, const dermis_closest_point *found, double *out) {
     const dermis_tree *tree = body->tree;
     int64_t triangle = (int64_t)found->row[NUMBER];
@@ -59,7 +66,7 @@ static int pseudonormal(const dermis_body *body, const dermis_closest_point *fou
     return tree->rows[INVERSE * tree->total + other] > 0.0 ? body->edge_kind[edge] : DERMIS_IRREGULAR;
 }
 
-/* Fill in the side, and what follows from it. */
+/* Determine the side of a point from its closest triangle, and fill in the results. */
 static void measure(const dermis_body *body, const double *x, const dermis_closest_point *found, dermis_distance *out) {
     double offset[3], pseudo[3], sign;
     int kind = pseudonormal(body, found, pseudo);
@@ -88,8 +95,9 @@ static void measure(const dermis_body *body, const double *x, const dermis_close
     out->triangle = (int64_t)found->row[NUMBER], out->slot = found->slot, out->feature = found->feature;
 }
 
-/* Tell whether a point lies so far within all slabs that it may be inside, though no triangle is within the limit
-   [m]. */
+/* Return whether a point may be inside a body although no triangle is within the limit [m].
+
+   A ball of that radius around the point would then be in the body, and therefore within each slab. */
 static int may_be_inside(const dermis_body *body, const double *x, double limit) {
     for (int64_t i = 0; i < body->slabs; i++) {
         const double *slab = body->slab + 5 * i;
@@ -99,7 +107,7 @@ static int may_be_inside(const dermis_body *body, const double *x, double limit)
     return 1;
 }
 
-/* Measure the distance to one solid. */
+/* Measure the signed distance to the first solid of a body only. */
 static void one(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out) {
     dermis_closest_point found;
     if (dermis_find_closest(body->tree, x, limit, hint, &found)) {
@@ -120,7 +128,9 @@ void dermis_signed_distance(const dermis_body *body, const double *x, double lim
     one(body, x, limit, hint, out);
     for (const dermis_body *next = body->next; next != NULL; next = next->next) {
         dermis_distance other;
-        /* What is farther does not count; what is inside is found however deep, but for the walls of a room. */
+        /* A solid farther away than the closest one so far need not be found; even a limit of 0 finds points inside.
+           The inside of a solid that is inside out is unbounded, and `may_be_inside` misses points beyond its slabs, so
+           the limit stays. */
         double nearer = next->outside < 0 ? limit : dermis_most(dermis_least(limit, out->gap), 0.0);
         one(next, x, nearer, hint - before, &other);
         if (other.gap < out->gap) *out = other, out->slot += before;
@@ -159,7 +169,8 @@ DERMIS_NOINLINE static int32_t fit(dermis_body *body) {
     return DERMIS_DONE;
 }
 
-/* Refuse triangles that have numbers beyond measure: without `packed` they were not looked at before. */
+/* Refuse triangles whose area has no finite square above zero. With a tree, `dermis_tree_fit` has refused them
+   already. */
 static int32_t known_triangles(dermis_query *query) {
     const dermis_tree *tree = query->body->tree;
     for (int64_t j = 0; j < tree->count && tree->packed == NULL; j++) {
@@ -172,7 +183,7 @@ static int32_t known_triangles(dermis_query *query) {
 
 DERMIS_NOINLINE static int32_t distances(dermis_query *query) {
     int32_t status = known_triangles(query);
-    int64_t slot = -1; /* of the point before: points in a row are neighbours as a rule */
+    int64_t slot = -1; /* hint: slot for the last point, since consecutive points are usually near each other */
     for (int64_t i = 0; i < query->count && status == DERMIS_DONE; i++) {
         const double *x = query->points + 3 * i;
         dermis_distance found;

@@ -1,6 +1,6 @@
-/* The signed distance to a body and its unit gradient: for the library's own files.
+/* The signed distance to a body and its unit gradient. For the library's own files only.
 
-   Rounding must be to nearest and denormal numbers kept: call it between `dermis_enter` and `dermis_leave`. */
+   Call the functions between `dermis_enter` and `dermis_leave`: they need rounding to nearest, and denormal numbers. */
 #ifndef DERMIS_DISTANCE_H
 #define DERMIS_DISTANCE_H
 
@@ -8,24 +8,31 @@
 
 typedef struct {
     double gap;        /* signed distance, negative inside; infinite beyond the limit [m] */
-    double normal[3];  /* unit gradient of the gap; the face's, edge's or corner's normal where the distance is all but 0 */
-    double point[3];   /* the closest point [m]; not set beyond the limit, nor is what follows but for triangle and slot */
-    double weights[3]; /* of the triangle's corners at the closest point */
-    int64_t triangle;  /* the closest, -1 beyond the limit */
-    int64_t slot;      /* of the triangle in the trees, one after the other, -1 beyond the limit: a hint for a point nearby */
-    int feature;       /* 0 within the face, 1 + k on edge k (k to k + 1), 4 + k on corner k */
-    int beside;        /* 1 where the point has passed beside the rim of an open sheet: it is outside of either side */
+    double normal[3];  /* unit gradient of the gap; on the surface, normal of the face, edge or corner; 0 beyond the
+                          limit */
+    double point[3];   /* closest point of the body [m]; not set beyond the limit */
+    double weights[3]; /* barycentric weights of the closest point in its triangle; not set beyond the limit */
+    int64_t triangle;  /* index of the closest triangle, -1 beyond the limit */
+    int64_t slot;      /* its slot, where the slots of the solids are numbered one solid after the other; -1 beyond the
+                          limit; a hint for a point nearby */
+    int feature;       /* 0 within the face, 1 + k on edge k (corner k to k + 1), 4 + k on corner k; not set beyond the
+                          limit */
+    int beside;        /* 1 if the point lies beyond the rim of an open sheet, outside on both sides; not set beyond the
+                          limit */
 } dermis_distance;
 
-/* Measure the signed distance of one point to a body that `dermis_body_fit` has checked, solid by solid.
+/* Measure the signed distance of one point to a body that `dermis_body_fit` has checked.
 
-   Of several solids it is the smallest: right outside, and inside no deeper than it is in one of them.
+   If the body consists of several solids, the smallest of their signed distances is taken. Outside, this is the
+   distance to the union of the solids. Inside, it is the depth in the solid in which the point is deepest, so the depth
+   in the union is as large or larger.
 
-   x: finite [m]. limit: the largest distance of interest outside, may be infinite [m]; points inside a closed body are always
-   answered. hint: `slot` of an answer nearby, such as that of the frame before, or -1; it changes the time alone. */
+   x: the point, finite [m]. limit: largest distance outside that is measured, may be infinite [m]; points inside a
+   closed body are found at any depth. hint: `slot` of the result for a point nearby, or -1; it affects only the run
+   time. */
 void dermis_signed_distance(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out);
 
-/* Whether a body's record can be one. */
+/* Whether the counts in the records of a body and its trees have possible values. */
 int dermis_sound_body(const dermis_body *body);
 
 #endif

@@ -1,6 +1,7 @@
-/* The floating-point environment of the kernels: results are rounded to nearest, denormal numbers are kept, nothing traps.
+/* The floating-point environment of the kernels: rounding to nearest, with denormal numbers, and without traps.
 
-   Other libraries of the same process change it: the last bits of the results would depend on them. */
+   Other libraries in the process may change the environment. Without an environment of the kernels' own, the last bits
+   of results would depend on those libraries. */
 #ifndef DERMIS_FLOAT_ENVIRONMENT_H
 #define DERMIS_FLOAT_ENVIRONMENT_H
 
@@ -26,15 +27,18 @@ static inline void dermis_set(dermis_environment control) { __asm__ volatile("ms
 #error "the kernels know the floating-point environment of x86-64 and arm64 alone"
 #endif
 
+/* Set the kernels' environment; return the one before, for `dermis_leave`. */
 static inline dermis_environment dermis_enter(void) {
     dermis_environment before = dermis_control();
     dermis_set(DERMIS_OWN_ENVIRONMENT);
     return before;
 }
 
+/* Restore the environment from before `dermis_enter`. */
 static inline void dermis_leave(dermis_environment before) { dermis_set(before); }
 
-/* Define a function of the interface: it refuses records that are not sound, and runs in the kernels' own environment. */
+/* Define a function of the interface. It refuses a record for which `sound` returns 0, and calls `run` in the kernels'
+   own environment. */
 #define DERMIS_FUNCTION(name, type, sound, run)      \
     DERMIS_API int32_t name(type *record) {          \
         if (!sound(record)) return DERMIS_BAD_RECORD; \

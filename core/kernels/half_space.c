@@ -1,21 +1,26 @@
-/* Displacement of pieces of skin for forces on others: the half-space of Boussinesq, Cerruti and Love, for E = 1.
+/* Displacement of pieces of skin for forces on other pieces: the half-space of Boussinesq, Cerruti and Love, for E = 1.
 
-   Between two pieces stand their chord and their mean normal. Where they are near, the displacement is the exact mean
-   over the larger of them. Johnson, Contact Mechanics, chapter 3; Love, Phil. Trans. A 228 (1929). */
+   For each pair of pieces, the half-space has their mean normal, and the distance is the chord between their centres. A
+   pair far apart is treated as two points. For a near pair, the force is spread evenly over the larger piece, or the
+   displacement is averaged over it; both are the same integral. Johnson, Contact Mechanics, chapter 3; Love, Phil.
+   Trans. A 228 (1929). */
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
 
-/* Pieces nearer than so many sides of the larger one are no points for each other. */
+/* Pieces are near each other if their distance is below this many times the side of the larger one, the root of its
+   area. */
 #define NEAR 2.0
-/* Areas are equal where they differ by less than this share; a direction then decides which piece counts as the
-   larger. */
+/* Areas are equal if they differ by less than this share. The direction of the chord then decides which piece counts as
+   the larger, so that the choice is the same if the two are exchanged. */
 #define TIE 1e-9
-/* A length in place of zero [m]; the terms that it stands in are zero. */
+/* [m] A length that replaces zero in divisions and logarithms; the terms in which it occurs are then zero. */
 #define TINY 1e-30
 
-/* Displacement at a chord from the centre of a rectangle for a unit force spread evenly over it; sides (2, 3), out (3,
-   3). */
+/* Compute the displacement of a point for unit forces that are spread evenly over a rectangle, out (3, 3) [1/m].
+
+   chord: vector from the rectangle's centre to the point (3) [m]. normal: unit normal of the half-space (3). sides:
+   side vectors of the rectangle (2, 3) [m]. The integrals over the rectangle are sums over its four corners. */
 static void rectangle(const double *chord, const double *normal, const double *sides, double poisson, double *out) {
     double axes[2][3], half[2], along[2], off = dermis_dot(sides, normal), sum[5] = {0.0, 0.0, 0.0, 0.0, 0.0};
     for (int k = 0; k < 3; k++) axes[0][k] = sides[k] - off * normal[k];
@@ -29,8 +34,7 @@ static void rectangle(const double *chord, const double *normal, const double *s
         double s = along[0] + (corner & 2 ? -half[0] : half[0]), t = along[1] + (corner & 1 ? -half[1] : half[1]);
         double far = dermis_abs(s), wide = dermis_abs(t), r = dermis_root(s * s + t * t);
         double size = dermis_most(far, TINY), other = dermis_most(wide, TINY), log_r = dermis_log(dermis_most(r, TINY));
-        double turn = dermis_angle(wide, size); /* the arc tangent of |t / s|; that of |s / t| is the rest of a right
-                                                   angle */
+        double turn = dermis_angle(wide, size); /* arc tangent of |t / s| */
         double rest = dermis_angle(far, other);
         sum[0] += sign * t * (s < 0.0 ? -1.0 : 1.0) * dermis_log(dermis_most(far + r, other) / other); /* s^2 / r^3 */
         sum[1] += sign * s * (t < 0.0 ? -1.0 : 1.0) * dermis_log(dermis_most(wide + r, size) / size);  /* t^2 / r^3 */
@@ -53,7 +57,7 @@ static void rectangle(const double *chord, const double *normal, const double *s
         }
 }
 
-/* Displacement of piece i of the field for a unit force on piece j of the source, out (3, 3). */
+/* Compute the displacement of piece i of the field for unit forces on piece j of the source, out (3, 3) [1/m]. */
 static void between(const dermis_pieces *of, int64_t i, int64_t j, double *out) {
     const dermis_patches *field = of->field, *source = of->source;
     const double *one = field->normals + 3 * i, *other = source->normals + 3 * j;

@@ -1,21 +1,22 @@
-/* Whether the closest triangle tells the side of a point, or rays must.
+/* Whether the closest triangle determines the side of every point, or rays are needed.
 
-   The closest triangle does where triangles meet at common edges and corners alone, none lie back to back across an
-   edge, and outside each part there is outside: no part lies within another one's solid. */
+   The closest triangle is enough if triangles meet only at common edges and corners, if no neighbours lie back to back,
+   and if no part of the body is inside the solid of another part. */
 #include "boxes.h"
 #include "float_environment.h"
 #include "rays.h"
 
-/* Normals of neighbours that lie back to back differ from opposite ones by less than this, as 1 - cosine. */
+/* Neighbours lie back to back if the cosine between their normals is within this of -1. */
 #define BACK_TO_BACK 1e-9
 
-/* A triangle: its corners [m], its normal of any length, its number. */
+/* A triangle: its row, its corners [m], its normal of any length, and its index in the table. */
 typedef struct {
     const double *row;
     double corner[3][3], normal[3];
     int64_t number;
 } triangle;
 
+/* Fill in a triangle from its row. */
 static void put(const double *row, triangle *out) {
     out->row = row, out->number = (int64_t)row[NUMBER];
     for (int k = 0; k < 3; k++)
@@ -23,7 +24,9 @@ static void put(const double *row, triangle *out) {
     dermis_cross(row + AB, row + AC, out->normal);
 }
 
-/* Tell whether a triangle has corners on both sides of another one's plane. */
+/* Return whether a triangle has corners on both sides of another triangle's plane.
+
+   apart: possible error of the corners [m]. */
 static int straddles(const triangle *one, const triangle *other, double apart) {
     int above = 0, below = 0;
     for (int i = 0; i < 3; i++) {
@@ -36,7 +39,8 @@ static int straddles(const triangle *one, const triangle *other, double apart) {
     return above && below;
 }
 
-/* Tell whether an edge of one triangle passes through another. only: the edge, or -1 for all three. */
+/* Return whether an edge of one triangle passes through another triangle. only: the edge to test, or -1 for all
+   three. */
 static int pierces(const triangle *one, int only, const triangle *other, double apart) {
     for (int i = 0; i < 3; i++) {
         double way[3], along, depth;
@@ -48,7 +52,7 @@ static int pierces(const triangle *one, int only, const triangle *other, double 
     return 0;
 }
 
-/* Tell whether two triangles run through each other, or are neighbours that lie back to back. */
+/* Return whether two triangles intersect, or are neighbours that lie back to back. */
 static int tangled(const dermis_body *body, const triangle *a, const triangle *b, double apart) {
     int shared = 0, of_a = -1, of_b = -1;
     for (int i = 0; i < 3; i++)
@@ -59,11 +63,12 @@ static int tangled(const dermis_body *body, const triangle *a, const triangle *b
         return dermis_dot(a->normal, b->normal) < (BACK_TO_BACK - 1.0) * dermis_root(square);
     }
     if (!straddles(b, a, apart) || !straddles(a, b, apart)) return 0;
-    /* Of two with a common corner an edge that begins there can only touch. */
+    /* If the triangles share a corner, an edge from that corner cannot pass through the other triangle: only the third
+       edge is tested. */
     return pierces(a, shared ? (of_a + 1) % 3 : -1, b, apart) || pierces(b, shared ? (of_b + 1) % 3 : -1, a, apart);
 }
 
-/* Tell whether a triangle is tangled with one of a later slot. */
+/* Return whether the triangle in slot `own` is tangled with one in a later slot; see `tangled`. */
 static int tangled_after(const dermis_body *body, int64_t own) {
     const dermis_tree *tree = body->all;
     int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES;
@@ -104,7 +109,10 @@ static int tangled_after(const dermis_body *body, int64_t own) {
     return 0;
 }
 
-/* Tell whether behind one of a part's triangles there is anything but the simple inside: outside lies in front then. */
+/* Return whether the part of a triangle may be inside the solid of another part.
+
+   It is not if the winding number just behind the triangle is that of a simple inside: the outside is then in front of
+   it. */
 static int within_another(const dermis_body *body, int64_t number) {
     double row[DERMIS_ROW], middle[3];
     int64_t winding;

@@ -1,4 +1,5 @@
-/* Products of vectors of three, in one fixed order of operations; square roots and the like without a C library. */
+/* Products of vectors with three components, with a fixed order of operations, and functions of numbers without a C
+   library. */
 #ifndef DERMIS_NUMBERS_H
 #define DERMIS_NUMBERS_H
 
@@ -27,9 +28,10 @@ static inline void dermis_cross(const double *a, const double *b, double *out) {
 
 #define PI 3.14159265358979323846
 
-/* Return the angle [rad], 0 to pi, of a sine and a cosine in the same unit; the sine is 0 or more.
+/* Return the angle, 0 to pi [rad], from multiples of its sine and cosine with the same factor; the sine is at least 0.
 
-   The angle is halved until its tangent is .1 or less; eight terms of the series are then exact to 6e-18. */
+   The angle is halved until its tangent is at most 0.1. Eight terms of the series of the arc tangent then have a
+   relative error of up to 6e-18. */
 static inline double dermis_angle(double sine, double cosine) {
     double size = dermis_root(sine * sine + cosine * cosine), t = cosine > 0.0 ? sine / (size + cosine) : (size - cosine) / sine;
     double times = 2.0, square, sum = 0.0;
@@ -41,17 +43,17 @@ static inline double dermis_angle(double sine, double cosine) {
 
 /* Return the natural logarithm of a number above zero.
 
-   x is 2^e m with m about 1, and log m = 2 artanh(f), f = (m - 1) / (m + 1), |f| <= .172; eleven terms of the series are
-   then exact to 2e-18. */
+   x = 2^e m with m from 0.707 to 1.414, and log m = 2 artanh(f) with f = (m - 1) / (m + 1), |f| <= 0.172. Eleven terms
+   of the series then have an error of up to 2e-18. */
 static inline double dermis_log(double x) {
     union {
         double number;
         uint64_t bits;
     } of = {x};
     int64_t exponent = 0;
-    if (x < DBL_MIN) of.number = x * 18014398509481984.0, exponent = -54; /* 2^54 */
+    if (x < DBL_MIN) of.number = x * 18014398509481984.0, exponent = -54; /* 2^54, since x may be denormal */
     exponent += (int64_t)(of.bits >> 52) - 1022;
-    of.bits = (of.bits & 0xfffffffffffffu) | 0x3fe0000000000000u; /* .5 to 1 */
+    of.bits = (of.bits & 0xfffffffffffffu) | 0x3fe0000000000000u; /* m in 0.5 to 1 */
     if (of.number < 0.70710678118654752) of.number *= 2.0, exponent--;
     double f = (of.number - 1.0) / (of.number + 1.0), square = f * f, sum = 0.0;
     for (int n = 11; n--;) sum = 1.0 / (2 * n + 1) + square * sum;

@@ -1,12 +1,14 @@
-/* Which point of a contact lies where on a pad: a grid of the finest squares, set anew when points come and go. */
+/* The contact points on a pad's grid of finest squares, and their neighbours; updated when points are added or
+   removed. */
 #include "float_environment.h"
 #include "kernels.h"
 
-/* Return the number of finest squares along and around a root that a cell is long. */
+/* Compute the sides of a cell in finest squares, along and around the finger, size (2). */
 static void size_of(const dermis_points *of, int64_t cell, int64_t *size) {
     for (int k = 0; k < 2; k++) size[k] = of->side >> of->halved[2 * cell + k];
 }
 
+/* Clear the roots and cells of the former points. */
 static void forget(const dermis_points *of) {
     for (int64_t i = 0; i < of->before; i++) {
         int64_t root = of->root[of->old_cells[i]];
@@ -15,6 +17,7 @@ static void forget(const dermis_points *of) {
     }
 }
 
+/* Enter the new points. */
 static void mark(const dermis_points *of) {
     for (int64_t i = 0; i < of->count; i++) {
         int64_t cell = of->cells[i], root = of->root[cell], size[2], low[2];
@@ -26,7 +29,9 @@ static void mark(const dermis_points *of) {
     }
 }
 
-/* Return which root a square lies in that may be beside its own, and turn the square into one of that root. */
+/* Return the root that contains a square, and make the square's position (2) relative to that root.
+
+   root: root to which the position is relative; the square may be up to one root beside it. */
 static int64_t root_at(const dermis_points *of, int64_t root, int64_t *square) {
     int64_t step[2];
     for (int k = 0; k < 2; k++) {
@@ -36,8 +41,9 @@ static int64_t root_at(const dermis_points *of, int64_t root, int64_t *square) {
     return of->around[(root * 3 + step[0]) * 3 + step[1]];
 }
 
-/* Return the point at the middle of a side of a cell, just beyond it: before and behind it, along the finger, then
-   around. */
+/* Return the point just beyond the middle of a cell's side, -1 for none.
+
+   side: 0 before and 1 behind the cell along the finger, 2 before and 3 behind it around the finger. */
 static int64_t beside(const dermis_points *of, int64_t cell, int side) {
     int64_t size[2], square[2];
     size_of(of, cell, size);

@@ -5,12 +5,12 @@
 #include "distance.h"
 #include "numbers.h"
 
-/* A normal that points into the finger less than this is of the far side of something thin; from so far above the skin
-   the near side is looked for [m]. */
+/* OPPOSITE: a normal belongs to the far side of a thin body if its component into the finger is below this.
+   ABOVE: the near side is then searched from a point this much deeper in the finger [m]. */
 #define OPPOSITE -0.7
 #define ABOVE 0.4e-3
 
-/* Put a point of the skin into the frame of a posed body. */
+/* Convert a point from the frame of the skin to that of a body. */
 static void localised(const dermis_posed *posed, const double *x, double *local) {
     double from[3];
     const double *r = posed->rotation;
@@ -18,7 +18,9 @@ static void localised(const dermis_posed *posed, const double *x, double *local)
     for (int k = 0; k < 3; k++) local[k] = r[k] * from[0] + r[3 + k] * from[1] + r[6 + k] * from[2];
 }
 
-/* Measure the signed distance of a point to a posed body; return the triangle, -1 beyond the limit. */
+/* Measure the signed distance of a point to one body; return the closest triangle, 0 for a plane, -1 beyond the limit.
+
+   slot: in, a hint or -1; out, see `dermis_distance`. gap: out [m]. normal: out, in the frame of the skin (3). */
 static int64_t measure(const dermis_posed *posed, const double *x, double limit, int64_t *slot, double *gap, double *normal) {
     double local[3], turned[3];
     const double *r = posed->rotation;
@@ -46,7 +48,8 @@ void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, const 
     for (int64_t b = 0; b < bodies; b++) {
         const dermis_posed *one = posed + b;
         double gap, out[3], farthest = dermis_most(best, 0.0);
-        /* of a sheet, and of a room, nothing is inside */
+        /* behind an open sheet, or in a body that is inside out, a point is found only within the limit: do not reduce
+           it */
         if (one->body != NULL && (one->body->outside < 0 || !one->body->closed)) farthest = limit;
         int64_t slot = b == before ? hint : -1, on = measure(one, x, farthest, &slot, &gap, out);
         if (on < 0) continue;
@@ -66,7 +69,8 @@ void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, const 
 int dermis_sees_plane(const dermis_posed *posed, int64_t bodies, const double *x, double radius, const dermis_sight *sight) {
     for (int64_t b = 0; b < bodies; b++) {
         const dermis_posed *one = posed + b;
-        double local[3], plane[4] = {0.0, 0.0, 0.0, 0.0}; /* of a body that is not seen no triangle lies in it */
+        double local[3], plane[4] = {0.0, 0.0, 0.0, 0.0}; /* stays 0 for a body that is not the closest: no triangle
+                                                             then lies in it */
         localised(one, x, local);
         if (one->body == NULL) {
             if (b != sight->body && dermis_dot(local, one->plane) - one->plane[3] <= radius) return 0;

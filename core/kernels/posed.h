@@ -1,27 +1,34 @@
-/* Bodies in the frame of the skin: for the library's own files. */
+/* Bodies in the frame of the skin. For the library's own files only. */
 #ifndef DERMIS_POSED_H
 #define DERMIS_POSED_H
 
 #include "kernels.h"
 
-/* What a point of the skin sees: the closest body. */
+/* The body that is closest to a point of the skin. */
 typedef struct {
-    double gap;       /* signed distance; the limit where nothing is near [m] */
-    double normal[3]; /* unit gradient of the gap; 0 where nothing is near */
-    int64_t body;     /* -1 where nothing is near */
-    int64_t triangle; /* of that body, -1 where nothing is near, 0 of a plane */
-    int64_t slot;     /* in: of an answer nearby by `body`, or -1; it changes the time alone. out: of this one */
+    double gap;       /* signed distance; the limit if no body is near [m] */
+    double normal[3]; /* unit gradient of the gap; 0 if no body is near */
+    int64_t body;     /* index of the body; -1 if no body is near */
+    int64_t triangle; /* its closest triangle, 0 for a plane; -1 if no body is near */
+    int64_t slot;     /* see `dermis_distance`; in: that of `body` for a point nearby, or -1; it affects only the run
+                         time */
 } dermis_sight;
 
-/* Look for the body that is closest to a point of the skin at x; inward is a unit vector into the finger there.
+/* Find the body that is closest to a point x of the skin [m].
 
-   The far side of something thinner than the skin is pressed in by is not seen. */
+   The far side of a thin body is ignored, even if the skin is pressed in so far that this side is closer.
+
+   limit: largest distance [m]. inward: unit vector into the finger at x (3). sight: in, a hint, see `slot`; out, the
+   result. */
 void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, const double *x, const double *inward, dermis_sight *sight);
 
-/* Whether all that is within a radius [m] of a point of the skin at x is one face of a closed body: the one that is seen. */
+/* Whether one flat face of a closed body is all that is within a radius [m] of a point x of the skin [m].
+
+   sight: result of `dermis_look` at x. It is also 0 if this cannot be determined. */
 int dermis_sees_plane(const dermis_posed *posed, int64_t bodies, const double *x, double radius, const dermis_sight *sight);
 
-/* Whether the records of bodies can be such, and whether their numbers are finite. */
+/* `dermis_sound_posed`: whether the counts in the records of bodies have possible values.
+   `dermis_known_posed`: whether their numbers are finite, and friction and softness not negative. */
 int dermis_sound_posed(const dermis_posed *posed, int64_t bodies);
 int dermis_known_posed(const dermis_posed *posed, int64_t bodies);
 

@@ -1,17 +1,20 @@
-/* Winding numbers: how often triangles lie round a point, counted along a ray.
+/* Winding numbers of points, counted along a ray.
 
-   A ray that leaves by the front of a triangle counts 1, one that enters counts -1. Rays that pass so near an edge that
-   rounding, or a gap between welded corners, could miscount them are replaced by others. */
+   Each triangle that the ray leaves by its front counts 1, and each that it enters by its front counts -1. If a ray
+   passes so close to an edge that rounding, or a gap between merged corners, could change the count, another ray is
+   taken. */
 #include "rays.h"
 
 #include "boxes.h"
 
-/* So many rays are tried. */
+/* Largest number of rays that are tried. */
 #define RAYS 16
-/* Lengths that bound others give way by this share for rounding. */
+/* Upper bounds of lengths are enlarged by this share for rounding. */
 #define SLACK 1e-9
 
-/* Add what a triangle counts along a ray; return 0 where that is not sure. */
+/* Add the count of one triangle along a ray to `winding`; return 0 if the count is not certain.
+
+   apart: possible error of the corners [m]. without: see `dermis_winding`. */
 static inline int counted(const double *row, const double *x, const double *way, double apart, int64_t without, int64_t *winding) {
     double along, depth;
     if (row[NUMBER] == (double)without) {
@@ -25,7 +28,7 @@ static inline int counted(const double *row, const double *x, const double *way,
     return met != DERMIS_UNSURE;
 }
 
-/* Tell whether a line from x passes beside the ball about a triangle. */
+/* Return whether a line through x along `way` misses the bounding ball of a triangle. */
 static inline int passed(const dermis_tree *tree, int64_t triangle, const double *x, const double *way, double apart) {
     double d[3], turned[3], reach = tree->bounds[6 * tree->total + triangle] * (1.0 + SLACK) + apart;
     for (int k = 0; k < 3; k++) d[k] = tree->bounds[k * tree->total + triangle] - x[k];
@@ -33,7 +36,9 @@ static inline int passed(const dermis_tree *tree, int64_t triangle, const double
     return dermis_dot(turned, turned) > reach * reach * dermis_dot(way, way) * (1.0 + SLACK);
 }
 
-/* Count along one ray. place: of the point in the tree's units, null where each triangle is looked at. */
+/* Count all triangles along one ray; return 0 if the count is not certain.
+
+   place: the point in the tree's units; null: there is no tree, and every triangle is examined. */
 static int count(const dermis_body *body, const double *x, const dermis_place *place, const double *way, int64_t without, int64_t *winding) {
     const dermis_tree *tree = body->all;
     double apart = body->weld + DERMIS_ROUNDING * (tree->largest + dermis_size(x)), row[DERMIS_ROW];
@@ -73,12 +78,13 @@ static int count(const dermis_body *body, const double *x, const dermis_place *p
 }
 
 int dermis_winding(const dermis_body *body, const double *x, int64_t without, int64_t *winding) {
-    /* Directions that fill space evenly: powers of the root of t^4 = t + 1 (Roberts 2018). */
+    /* The components of the rays' directions are evenly distributed: step k is t^-(k + 1) with t^4 = t + 1 (Roberts
+       2018). */
     static const double step[3] = {0.8191725133961645, 0.6710436067037893, 0.5497004779019703};
     const dermis_tree *tree = body->all;
     dermis_place place;
     int near = tree->packed != NULL && dermis_placed(tree, x, &place);
-    if (tree->packed != NULL && !near) { /* too far away to be inside */
+    if (tree->packed != NULL && !near) { /* too far away for bounds: the triangles do not surround the point */
         *winding = 0;
         return 1;
     }

@@ -1,4 +1,4 @@
-/* Straight ways through triangles. For the library's own files. */
+/* Intersections of lines with triangles, and winding numbers. For the library's own files only. */
 #ifndef DERMIS_RAYS_H
 #define DERMIS_RAYS_H
 
@@ -6,17 +6,21 @@
 #include "numbers.h"
 #include "triangle.h"
 
-/* Products are told from 0 where they exceed this share of their factors: rounding is 16 times smaller. */
+/* A product differs from 0 if it exceeds this share of the product of its factors' sizes; rounding errors are 16 times
+   smaller. */
 #define DERMIS_ROUNDING (64.0 * DBL_EPSILON)
 
 enum { DERMIS_MISSED = 0, DERMIS_MET = 1, DERMIS_UNSURE = 2 };
 
+/* Return the size of a vector: the sum of its absolute components. */
 static inline double dermis_size(const double *a) { return dermis_abs(a[0]) + dermis_abs(a[1]) + dermis_abs(a[2]); }
 
-/* Tell whether a line from x along `way` passes through a triangle, ahead of x or at it. Moeller and Trumbore 1997.
+/* Return whether a ray from x along `way` passes through a triangle: DERMIS_MISSED, DERMIS_MET, or DERMIS_UNSURE if
+   rounding could change the result. Moeller and Trumbore 1997.
 
-   apart: by how much corners of triangles may be off [m]. along: out, way times the triangle's normal, above 0 where the
-   line leaves by the front; depth: out, the same of the way to the triangle's plane. */
+   apart: possible error of the corners [m]. along: out, dot product of `way` and the triangle's normal (of any length),
+   above 0 if the ray leaves by the front. depth: out, dot product of the vector from x to the triangle's plane and that
+   normal. */
 static inline int dermis_meets(const double *row, const double *x, const double *way, double apart, double *along, double *depth) {
     double normal[3], offset[3], turned[3];
     for (int k = 0; k < 3; k++) offset[k] = x[k] - row[k];
@@ -30,9 +34,10 @@ static inline int dermis_meets(const double *row, const double *x, const double 
     return a <= slack || b <= slack || c <= slack || sign * *depth <= thick ? DERMIS_UNSURE : DERMIS_MET;
 }
 
-/* Count how often a closed body's triangles wind round a point; return 0 where no ray that was tried tells.
+/* Compute the winding number of a closed body's triangles around a point x [m]; return 0 if every ray was uncertain.
 
-   without: the number of a triangle that the point lies on, whose back is then asked for; -1 for none. */
+   without: index of a triangle that contains the point; the winding number just behind the triangle is then computed.
+   -1 for none. */
 int dermis_winding(const dermis_body *body, const double *x, int64_t without, int64_t *winding);
 
 #endif

@@ -1,5 +1,5 @@
-/* The displacement of linear tissue for forces on its nodes, by blocks of its stiffness that were inverted before; see
-   core/skin/rest_factor.py. */
+/* The displacement of linear tissue for forces on its nodes, by forward and backward substitution with the inverted
+   Schur complements of core/skin/rest_factor.py. */
 #include "float_environment.h"
 #include "kernels.h"
 
@@ -8,15 +8,17 @@
 
 typedef float lanes __attribute__((vector_size(4 * LANES), aligned(4), may_alias));
 
+/* Return the sum of the eight lanes. */
 static float sum_of(const lanes *v) {
     const float *x = (const float *)v;
     return ((x[0] + x[4]) + (x[1] + x[5])) + ((x[2] + x[6]) + (x[3] + x[7]));
 }
 
-/* y = A x, A symmetric: strips of four of its rows below the diagonal, eight columns after the other, and its diagonal
-   apart.
+/* Compute y = A x for a symmetric matrix A; return the position behind A.
 
-   Each number of A is read once, for its row and for its column. Return where A ends. */
+   a: the numbers below the diagonal, in strips of four rows. A strip is a list of groups of eight columns, and a group
+   has four rows of eight numbers. diagonal: the diagonal of A. Each number of A is read once, and used for its row and
+   for its column. */
 static const float *product(const float *a, const float *diagonal, int64_t size, const float *restrict x, float *restrict y) {
     const lanes none = {0.0f};
     for (int64_t k = 0; k < size; k++) y[k] = diagonal[k] * x[k];
@@ -33,13 +35,14 @@ static const float *product(const float *a, const float *diagonal, int64_t size,
     return a;
 }
 
-/* How many numbers below the diagonal a block has. */
+/* Return how many numbers the strips of a level with `size` slots have. */
 static int64_t numbers_of(int64_t size) {
     int64_t strips = size / ROWS, out = 0;
     for (int64_t s = 0; s < strips; s++) out += (ROWS * s + ROWS - 1 + LANES - 1) / LANES * LANES * ROWS;
     return out;
 }
 
+/* Whether all indices and counts of a record are within their arrays. */
 static int32_t known(const dermis_rest *rest) {
     int64_t numbers = 0, slots = rest->starts[rest->levels];
     if (rest->starts[0] != 0 || slots < 0 || rest->rows[0] != 0) return 0;
@@ -57,7 +60,7 @@ static int32_t known(const dermis_rest *rest) {
     return 1;
 }
 
-/* The forces need not be finite: the answer is then not finite either. */
+/* Solve for the displacement. Forces that are not finite are allowed: the displacement is then not finite either. */
 DERMIS_NOINLINE static int32_t solve(dermis_rest *rest) {
     if (!known(rest)) return DERMIS_BAD_RECORD;
     const int64_t *starts = rest->starts, slots = starts[rest->levels], last = rest->levels - 1;

@@ -1,4 +1,4 @@
-/* Layout and digest, which the loader compares, and the functions that replace a C library. */
+/* Layout and digest, which the loader compares, and functions that replace those of a C library. */
 #include "kernels.h"
 
 #ifndef DERMIS_SOURCES
@@ -94,7 +94,7 @@ DERMIS_API const char *dermis_fields(void) {
 }
 
 #if defined(__x86_64__)
-/* Ask the processor about itself: registers a, b, c and d of a leaf. */
+/* Query the processor with the instruction cpuid; `told` becomes the registers a, b, c and d (4). */
 static void ask(uint32_t leaf, uint32_t *told) {
     __asm__ volatile("cpuid" : "=a"(told[0]), "=b"(told[1]), "=c"(told[2]), "=d"(told[3]) : "a"(leaf), "c"(0));
 }
@@ -104,7 +104,7 @@ DERMIS_API int32_t dermis_has_avx2(void) {
     ask(0, told);
     if (told[0] < 7) return 0;
     ask(1, told);
-    if ((told[2] >> 27 & 3) != 3) return 0; /* the system keeps wide registers, and there are some */
+    if ((told[2] >> 27 & 3) != 3) return 0; /* the system saves wide registers, and the processor has AVX */
     __asm__ volatile("xgetbv" : "=a"(low), "=d"(high) : "c"(0));
     if ((low & 6) != 6) return 0;
     ask(7, told);
@@ -117,7 +117,8 @@ DERMIS_API int32_t dermis_has_avx2(void) { return 0; }
 DERMIS_API const char *dermis_sources(void) { return DERMIS_SOURCES; }
 
 #if defined(DERMIS_ALONE)
-/* Compilers may call these for copies of records; nothing else provides them. */
+/* Compilers may insert calls of these functions to copy or clear records, and the library has no C library that
+   provides them. */
 void *memcpy(void *to, const void *from, size_t count);
 void *memset(void *to, int value, size_t count);
 

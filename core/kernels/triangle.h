@@ -1,7 +1,8 @@
 /* The closest point on one triangle.
 
-   A row holds: corner a (0), edges ab (3) and ac (6), squared lengths of ab (9), ac (10) and bc (11), the product ab ac (12),
-   the reciprocal of the Gram determinant of ab and ac (13), whether the triangle is a sliver (14), and its number (15). */
+   A row has 16 numbers. They begin at these positions: 0 corner a; 3 edge ab; 6 edge ac; 9, 10 and 11 squared lengths
+   of ab, ac and bc; 12 dot product of ab and ac; 13 reciprocal of the Gram determinant of ab and ac; 14 whether the
+   triangle is a sliver; 15 its index in the table. */
 #ifndef DERMIS_TRIANGLE_H
 #define DERMIS_TRIANGLE_H
 
@@ -10,31 +11,32 @@
 
 enum { AB = 3, AC = 6, AB_AB = 9, AC_AC = 10, BC_BC = 11, AB_AC = 12, INVERSE = 13, SLIVER = 14, NUMBER = 15 };
 
-/* Points nearer than this, squared and over squared edges, are measured once more: squared distances tell edges apart to
-   half of the digits. */
+/* A point is measured again if its squared distance is below this share of the squared edges: the first measurement
+   compares squared distances, in which half of the digits are lost. */
 #define DERMIS_NEAR 1e-12
 
-/* Put the numbers of one triangle of the table into a row. */
+/* Copy one triangle of the table to a row. */
 static inline void dermis_gather(const dermis_tree *tree, int64_t triangle, double *row) {
     for (int k = 0; k < SLIVER; k++) row[k] = tree->rows[k * tree->total + triangle];
     row[SLIVER] = tree->slivers != NULL && tree->slivers[triangle];
     row[NUMBER] = (double)triangle;
 }
 
-/* Put the triangle's unit normal into `out`. */
+/* Compute the unit normal of a triangle. */
 static inline void dermis_facing(const double *row, double *out) {
     dermis_cross(row + AB, row + AC, out);
     double length = dermis_root(dermis_dot(out, out));
     for (int k = 0; k < 3; k++) out[k] /= length;
 }
 
-/* Weights of corners b and c at the point of the plane whose products with ab and ac are given. */
+/* Compute the weights of corners b and c for a point of the plane, from its dot products with ab and ac, seen from
+   corner a. */
 static inline void dermis_solved(const double *row, double along_ab, double along_ac, double *u, double *w) {
     *u = (row[AC_AC] * along_ab - row[AB_AC] * along_ac) * row[INVERSE];
     *w = (row[AB_AB] * along_ac - row[AB_AC] * along_ab) * row[INVERSE];
 }
 
-/* The way from the point of given weights to v, both seen from corner a. */
+/* Compute the vector to the point v from the point with weights u and w; v is relative to corner a. */
 static inline void dermis_left(const double *row, const double *v, double u, double w, double *out) {
     for (int k = 0; k < 3; k++) {
         out[k] = v[k] - u * row[AB + k];
@@ -42,7 +44,10 @@ static inline void dermis_left(const double *row, const double *v, double u, dou
     }
 }
 
-/* The weights of the closest point on the three edges, from squares less the common |v|^2. */
+/* Compute the weights of the closest point on the three edges.
+
+   The squared distances are compared without |v|^2, which they have in common. to_ab, to_ac: dot products of v with ab
+   and ac, where v is the point relative to corner a. */
 static inline void dermis_on_edges(const double *row, double to_ab, double to_ac, double *u, double *w) {
     double from_b = row[AB_AB] - to_ab;
     double to_bc = to_ac + from_b - row[AB_AC];
@@ -61,9 +66,10 @@ static inline void dermis_on_edges(const double *row, double to_ab, double to_ac
     }
 }
 
-/* Measure the ways to all edges and to the face: where squares alone would not tell. Return the squared distance.
+/* Compute the closest point from the vectors to all edges and to the face; return the squared distance.
 
-   u, w: a first guess; the closest point's weights afterwards. */
+   This is more exact than `dermis_on_edges` for slivers and for points close to the triangle. v: the point relative to
+   corner a. u, w: in, a first guess of the weights of corners b and c; out, the weights. */
 static inline double dermis_measured(const double *row, const double *v, double *u, double *w) {
     double edge[3][3], start[3][3], share[3], square[4], left[3];
     for (int k = 0; k < 3; k++) {
@@ -72,7 +78,7 @@ static inline double dermis_measured(const double *row, const double *v, double 
     }
     for (int i = 0; i < 3; i++)
         share[i] = dermis_clamped(dermis_dot(start[i], edge[i]) / dermis_most(row[AB_AB + i], 1e-300));
-    for (int round = 0; round < 2; round++) { /* the rest along the face is the error of the guess */
+    for (int round = 0; round < 2; round++) { /* the part of the vector along the face is the error of the guess */
         double more_u, more_w;
         dermis_left(row, v, *u, *w, left);
         dermis_solved(row, dermis_dot(left, edge[0]), dermis_dot(left, edge[1]), &more_u, &more_w);
@@ -97,7 +103,7 @@ static inline double dermis_measured(const double *row, const double *v, double 
 
 /* Return the squared distance of a point to a triangle, and the weights of corners b and c at the closest point.
 
-   Weights on an edge or a corner are exactly 0, or sum to 1, so the feature can be read off them. */
+   On an edge, the weight of the opposite corner is exactly 0, or u and w sum to 1, so the weights show the feature. */
 static inline double dermis_on_triangle(const double *row, const double *x, double *u, double *w) {
     double v[3] = {x[0] - row[0], x[1] - row[1], x[2] - row[2]}, left[3];
     double to_ab = dermis_dot(v, row + AB), to_ac = dermis_dot(v, row + AC);

@@ -1,7 +1,8 @@
-"""The compiled part of the engine: small kernels in C, the recipe that builds them, and their loader.
+"""The compiled part of the engine: small kernels in C, their build, and their loader.
 
-`building.py` has sources, flags and platforms, `library.py` finds the file and checks it, `records.py` mirrors the
-records of `kernels.h`. Kernels take one record of arrays that Python allocated; they allocate and keep nothing.
+`building.py` has sources, flags and platforms. `library.py` finds the compiled file and checks it. `records.py` mirrors
+the records of `kernels.h`. A kernel takes one record that points to arrays of Python; it allocates no memory, and keeps
+nothing between calls.
 """
 
-COPIES = "DERMIS_KERNELS"  # environment variable: the folder of the copies that are loaded, see `library.py`
+COPIES = "DERMIS_KERNELS"  # environment variable with the folder for copies of the library, see `library.py`

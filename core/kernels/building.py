@@ -1,9 +1,11 @@
-"""How the kernels are built: sources, flags, platforms, the name of the file. Needs the standard library alone.
+"""Build of the kernels: sources, flags, platforms and file names.
 
-`build_addon.py` (any Python from 3.8 on) and pip (`setuptools_hook.py`) build with it; `library.py` asks it for the
-file's name. The compiler is Zig's, which the package `ziglang` brings: it makes the libraries of all platforms on any
-of them, and nobody needs another one. The name holds a digest of sources and flags, and one of the content: a library
-of other sources is never taken, and a damaged one never loaded.
+This module needs only the standard library. `build_addon.py` (any Python from 3.8 on) and pip (`setuptools_hook.py`)
+build with it, and `library.py` gets the file's name from it. The compiler is that of Zig, from the package `ziglang`:
+it builds the libraries for all platforms on each of them, so no other compiler is needed.
+
+A library's name contains a digest of sources and flags, and a digest of its content. So a library of other sources is
+never used, and a damaged one is never loaded.
 """
 
 from __future__ import annotations
@@ -16,14 +18,23 @@ from typing import NamedTuple
 
 FOLDER = Path(__file__).resolve().parent
 
-# Every compiler gives the same bytes: products and sums are rounded one by one, in the order of the source.
+# With these flags, each product and sum is rounded on its own, in the order of the source. So results are the same to
+# the bit on all platforms.
 FLAGS = ("-std=c11", "-O2", "-ffp-contract=off", "-fno-fast-math", "-fno-math-errno", "-fvisibility=hidden", "-shared")
-# A library that no other one is linked to: there is no version of a C library that it could need.
+# Flags for a library without a C library, which therefore works with every version of the system's.
 ALONE = ("-nostdlib", "-DDERMIS_ALONE")
 
 
 class Target(NamedTuple):
-    """A platform: Zig's name of it, its oldest processor, how libraries end, its own flags, the tag of its wheels."""
+    """A platform for which the kernels are built.
+
+    Attributes:
+        triple: Zig's name of the platform.
+        processor: Zig's name of the oldest processor that is supported.
+        suffix: suffix of libraries.
+        flags: additional flags of the compiler.
+        tag: platform tag of wheels.
+    """
 
     triple: str
     processor: str
@@ -32,7 +43,8 @@ class Target(NamedTuple):
     tag: str
 
 
-# By Blender's names of platforms. The processors are the oldest that Blender runs on; macOS loads no library alone.
+# The keys are Blender's names of platforms. The processors are the oldest on which Blender runs. `ALONE` is missing for
+# macOS, which loads no library without the system's own.
 TARGETS = {
     "linux-x64": Target("x86_64-linux-gnu.2.17", "x86_64_v2", ".so", (*ALONE, "-fPIC"), "manylinux_2_17_x86_64"),
     "windows-x64": Target("x86_64-windows-gnu", "x86_64_v2", ".dll", ALONE, "win_amd64"),
@@ -43,7 +55,7 @@ TARGETS = {
 
 
 class NotBuilt(Exception):
-    """A sentence that says why there is no library."""
+    """Error: the library was not built. The message is a sentence with the reason."""
 
 
 def this_platform() -> str:
@@ -69,7 +81,7 @@ def digest() -> str:
 
 
 def stem(target: str) -> str:
-    """Return how the name of a platform's library begins: the digest of its content follows."""
+    """Return the beginning of the name of a platform's library; the digest of its content follows it."""
     return f"dermis-{target}-{digest()}-"
 
 
@@ -79,12 +91,15 @@ def of_content(content: bytes) -> str:
 
 
 def found(target: str, folder: Path) -> Path | None:
-    """Return a platform's library of these sources in a folder; None without."""
+    """Return the path of a platform's library in a folder, if it was built from these sources; None if there is none."""
     return next(iter(sorted(folder.glob(f"{stem(target)}*{TARGETS[target].suffix}"))), None)
 
 
 def whole(path: Path) -> bool:
-    """Tell whether a library can be read and has the content that its name tells: half of one ends the process."""
+    """Return whether a library can be read, and whether its content has the digest in its name.
+
+    Loading an incomplete library would end the process.
+    """
     try:
         return path.stem.endswith(f"-{of_content(path.read_bytes())}")
     except OSError:
@@ -92,18 +107,22 @@ def whole(path: Path) -> bool:
 
 
 def defined() -> str:
-    """Return the flag that tells the library its digest."""
+    """Return the compiler flag that puts the digest of the sources into the library."""
     return f'-DDERMIS_SOURCES="{digest()}"'
 
 
 def build(target: str, folder: Path, zig: list[str], cache: Path | None = None) -> Path:
-    """Return a platform's library in a folder; it is compiled where it is not there, and older ones of the platform go.
+    """Return the path of a platform's library in a folder; compile it if it is missing or damaged.
+
+    After a compilation, all other libraries of the platform are removed from the folder.
 
     Args:
-        zig: the command that runs Zig. cache: Zig's folder for intermediate files; a temporary one where None.
+        target: Blender's name of the platform.
+        folder: folder of the library; it is created if it is missing.
+        zig: command that runs Zig. cache: Zig's folder for intermediate files; None for a temporary one.
 
     Raises:
-        NotBuilt: the compiler fails, or the folder cannot be written.
+        NotBuilt: the compiler is missing or fails, or the folder cannot be written.
     """
     path = found(target, folder)
     if path is not None and whole(path):
@@ -118,14 +137,14 @@ def build(target: str, folder: Path, zig: list[str], cache: Path | None = None) 
 
 
 def remove(target: str, folder: Path, kept: str = "") -> None:
-    """Remove a platform's libraries from a folder, but for the one of a name."""
+    """Remove a platform's libraries from a folder, except for the one with the name `kept`."""
     for old in folder.glob(f"dermis-{target}-*{TARGETS[target].suffix}"):
         if old.name != kept:
             old.unlink(missing_ok=True)
 
 
 def _compiled(target: str, folder: Path, zig: list[str], cache: Path | None) -> Path:
-    import subprocess  # whoever only asks for the name does not wait for it
+    import subprocess  # imported here, since `library.py` needs only names and should load fast
     import tempfile
 
     of = TARGETS[target]

@@ -1,10 +1,11 @@
-"""Find the compiled library, check it, and call its functions: one record of arrays each.
+"""Find the compiled library, check it, and call its functions.
 
-It lies beside this file (in a checkout, or installed by pip) or in the package `dermis_kernels` (the wheel that the
-extension brings to Blender). It is loaded where it is first needed. Skins need it; devices without a skin do not.
+The library is beside this file (in a checkout, or installed by pip), or in the package `dermis_kernels` (the wheel in
+the extension for Blender). It is loaded when it is first needed. Skins need it; devices without a skin do not.
 
-Windows locks a loaded file, and an update has to remove or replace it. So the extension names a folder of its own in
-the environment variable `COPIES`, and this process and its children load a copy from there. An update leaves it alone.
+Windows locks a loaded file, but an update has to remove or replace it. Therefore the extension sets the environment
+variable `COPIES` to a folder of its own. This process and its child processes then load a copy from that folder, which
+an update does not touch.
 """
 
 from __future__ import annotations
@@ -30,16 +31,16 @@ REMEDY = (
 
 
 class Kernels:
-    """The functions of a library that fits this engine.
+    """Functions of a library that fits this engine; each takes one record and returns a status.
 
     Args:
-        path: the file.
+        path: path of the library.
 
     Attributes:
-        avx2: 1 where this processor has AVX2, for the records that ask.
+        avx2: 1 if this processor has AVX2, else 0; for records with such a field.
 
     Raises:
-        DermisError: it cannot be loaded, or is of other sources.
+        DermisError: the library cannot be loaded, or was built from other sources.
     """
 
     def __init__(self, path: Path) -> None:
@@ -83,10 +84,10 @@ class Kernels:
 
 
 def kernels() -> Kernels:
-    """Return the kernels of this platform, loaded when they are first asked for.
+    """Return the kernels for this platform; the first call loads them.
 
     Raises:
-        DermisError: there are none, or they cannot be loaded; the sentence names platform, file and remedy.
+        DermisError: the library is missing or cannot be loaded. The error names platform, file and remedy.
     """
     found = _loaded()
     if isinstance(found, DermisError):
@@ -95,7 +96,7 @@ def kernels() -> Kernels:
 
 
 def have_kernels() -> bool:
-    """Return whether there are kernels for this platform that can be loaded."""
+    """Return whether the kernels for this platform can be loaded; they are loaded if so."""
     return not isinstance(_loaded(), DermisError)
 
 
@@ -106,7 +107,7 @@ def _loaded() -> Kernels | DermisError:
     except DermisError as error:
         return error
     if folder := _folder_of_copies():
-        with contextlib.suppress(DermisError):  # a folder that cannot be written: the original does as well
+        with contextlib.suppress(DermisError):  # if the folder cannot be written, load the original
             return loaded_copy(path, folder)
     try:
         return Kernels(path)
@@ -115,10 +116,10 @@ def _loaded() -> Kernels | DermisError:
 
 
 def find(target: str, folders: list[Path]) -> Path:
-    """Return the library of a platform from the first of some folders that has it.
+    """Return the path of a platform's library in the first of some folders that contains it.
 
     Raises:
-        DermisError: none has, or it is damaged.
+        DermisError: the platform is not supported, no folder contains the library, or it is damaged.
     """
     if target not in building.TARGETS:
         raise DermisError(
@@ -149,9 +150,13 @@ def find(target: str, folders: list[Path]) -> Path:
 
 
 def loaded_copy(path: Path, folder: Path) -> Kernels:
-    """Load a copy of a library, and remove copies of other versions where nobody has them loaded.
+    """Load a copy of a library from a folder, and remove copies of other versions that no process has loaded.
 
-    A copy has the name of the original, which tells its content.
+    The copy is made if it is missing or damaged. It has the name of the original, which contains a digest of the content.
+
+    Args:
+        path: path of the original.
+        folder: folder of the copies.
 
     Raises:
         DermisError: the folder cannot be written, or the library cannot be loaded.
@@ -165,13 +170,13 @@ def loaded_copy(path: Path, folder: Path) -> Kernels:
     loaded = Kernels(target)
     for other in folder.glob(f"dermis-*{path.suffix}"):
         if other != target:
-            with contextlib.suppress(OSError):  # locked: another Blender runs with it
+            with contextlib.suppress(OSError):  # a copy that another process has loaded is locked, and stays
                 other.unlink()
     return loaded
 
 
 def _function(function: Any) -> Callable[[Any], int]:
-    """Return a function that takes one record, by reference, and returns a status."""
+    """Declare a function of the library, which takes a pointer to one record and returns a status; return it."""
     function.restype, function.argtypes = ctypes.c_int32, (ctypes.c_void_p,)
     called: Callable[[Any], int] = function
     return called
@@ -183,7 +188,7 @@ def _folders() -> list[Path]:
 
 
 def _folder_of_copies() -> Path | None:
-    """Return the folder to load a copy from, None to load the original: only Windows locks it."""
+    """Return the folder for copies; None to load the original, since only Windows locks a loaded file."""
     if named := os.environ.get(COPIES):
         return Path(named)
     local = os.environ.get("LOCALAPPDATA")

@@ -69,8 +69,8 @@ void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, const 
 int dermis_sees_plane(const dermis_posed *posed, int64_t bodies, const double *x, double radius, const dermis_sight *sight) {
     for (int64_t b = 0; b < bodies; b++) {
         const dermis_posed *one = posed + b;
-        double local[3], plane[4] = {0.0, 0.0, 0.0, 0.0}; /* stays 0 for a body that is not the closest: no triangle
-                                                             then lies in it */
+        double local[3], plane[4] = {0.0, 0.0, 0.0, 0.0}; /* `plane` stays 0 for a body that is not the closest, so
+                                                             no triangle lies in it */
         localised(one, x, local);
         if (one->body == NULL) {
             if (b != sight->body && dermis_dot(local, one->plane) - one->plane[3] <= radius) return 0;

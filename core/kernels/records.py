@@ -1,4 +1,4 @@
-"""The records that kernels take, field by field as `kernels.h` has them."""
+"""The records that kernels take, with the same fields as in `kernels.h`, which describes them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ ROW, LANES, BOXES = (
     16,
     4,
     64,
-)  # doubles of a triangle in a tree; boxes or elements that are looked at at once, and floats of so many boxes
-KEPT = 3  # pairs of sweeps that are remembered
+)  # doubles per triangle in a tree; boxes or elements that are processed at once; floats for that many boxes
+KEPT = 3  # largest number of earlier pairs of sweeps from which `dermis_sweep` extrapolates
 DONE, BAD_RECORD, NOT_FINITE = 0, 1, 2
 
 
 def address(array: NDArray[Any]) -> int:
-    """Return where an array begins; it is contiguous and must be kept for as long as a record points to it."""
+    """Return the address of a contiguous array, which must exist as long as a record points to it."""
     return int(array.__array_interface__["data"][0])
 
 
@@ -276,7 +276,7 @@ class PointsRecord(ctypes.Structure):
     ]
 
 
-# Their names in C, in the order of the layout.
+# The records and their names in C, in the order of the layout.
 RECORDS: tuple[tuple[str, type[ctypes.Structure]], ...] = (
     ("tree", TreeRecord),
     ("body", BodyRecord),
@@ -293,7 +293,7 @@ RECORDS: tuple[tuple[str, type[ctypes.Structure]], ...] = (
 
 
 def layout() -> Iterator[int]:
-    """Yield what `dermis_layout` returns of a library that fits."""
+    """Yield the numbers that `dermis_layout` of a fitting library returns."""
     yield from (ABI, ROW, LANES, BOXES, KEPT)
     for _, record in RECORDS:
         yield ctypes.sizeof(record)
@@ -302,5 +302,5 @@ def layout() -> Iterator[int]:
 
 
 def fields() -> str:
-    """Return what `dermis_fields` returns of a library that fits."""
+    """Return the string that `dermis_fields` of a fitting library returns."""
     return " ".join(word for kind, record in RECORDS for word in (kind, *(field[0] for field in record._fields_)))

@@ -1,6 +1,7 @@
-"""`pip install .`: the package `ziglang`, which pip brings for the build, compiles the library, and the wheel has it.
+"""Commands for `pip install .`: compile the library of the kernels, and put it into the wheel.
 
-`pyproject.toml` names both classes. An editable install has the library beside this file, as a checkout has.
+`pyproject.toml` names both classes. pip installs the compiler, the package `ziglang`, for the build. In an editable
+install, the library is beside this file, as in a checkout.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ _spec.loader.exec_module(building)
 
 
 class BuildWithKernels(build_py):
-    """Copy the package, and the library into it."""
+    """Copy the package to the build folder, with the library."""
 
     def run(self) -> None:
-        """Build."""
+        """Build the package and the library."""
         super().run()
         target = building.this_platform()
         if target not in building.TARGETS:
@@ -32,14 +33,14 @@ class BuildWithKernels(build_py):
         library = building.build(target, building.FOLDER, [sys.executable, "-m", "ziglang"])
         if not self.editable_mode:
             folder = Path(self.build_lib) / "dermis" / "kernels"
-            building.remove(target, folder, library.name)  # setuptools keeps the folder from one build to the next
+            building.remove(target, folder, library.name)  # the folder may have libraries of earlier builds
             self.copy_file(str(library), str(folder / library.name))
 
 
 class WheelOfPlatform(bdist_wheel):
-    """Name the wheel by its platform, and by no version of Python: the library knows none."""
+    """Tag the wheel for its platform and any version of Python 3: the library does not depend on the version."""
 
     def get_tag(self) -> tuple[str, str, str]:
-        """Return the three parts of the wheel's tag."""
+        """Return the wheel's tags for Python, ABI and platform."""
         target = building.TARGETS.get(building.this_platform())
         return ("py3", "none", target.tag) if target else super().get_tag()

@@ -91,7 +91,7 @@ def of_content(content: bytes) -> str:
 
 
 def found(target: str, folder: Path) -> Path | None:
-    """Return the path of a platform's library in a folder, if it was built from these sources; None if there is none."""
+    """Return the path of a platform's library of these sources in a folder; None if there is none."""
     return next(iter(sorted(folder.glob(f"{stem(target)}*{TARGETS[target].suffix}"))), None)
 
 

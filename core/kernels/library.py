@@ -152,7 +152,7 @@ def find(target: str, folders: list[Path]) -> Path:
 def loaded_copy(path: Path, folder: Path) -> Kernels:
     """Load a copy of a library from a folder, and remove copies of other versions that no process has loaded.
 
-    The copy is made if it is missing or damaged. It has the name of the original, which contains a digest of the content.
+    The copy is made if it is missing or damaged. It has the name of the original, with the digest of the content.
 
     Args:
         path: path of the original.

@@ -1,8 +1,9 @@
 """LawTables: neo-Hookean law of a skin's mesh, with its linear response and its residual.
 
-Forces F on the pad of tissue with E = 1 displace it by u = K^-1 F - c. K is the stiffness at rest, and the correction c
-is the difference to linear tissue. The law holds if K^-1 R(u) = K^-1 F, where R(u) are the forces that hold the
-displacement u. A touch stores only the part of c on the pad, from which the rest of u is computed again.
+Forces F on the pad displace tissue with E = 1 by u = K^-1 F - c. K is the stiffness at rest. The correction c is the
+displacement of linear tissue minus that of neo-Hookean tissue. The law holds if K^-1 R(u) = K^-1 F, where R(u) are the
+forces that hold the displacement u. The record of a touch has only the part of c on the pad, from which u is computed
+again.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 KEPT = 8  # number of states whose displacement is kept, so that results of solved contact can be shown at once
-TOLERANCE, STEPS = 2e-3, 80  # residual at which a state counts as found again, and the largest number of steps
+TOLERANCE, STEPS = 2e-3, 80  # residual at which an iteration ends, see `Miss.left`; largest number of its steps
 
 
 class Miss(NamedTuple):
     """Residual of the law for a displacement and its forces.
 
     Attributes:
-        way: change of c by the stiffness at rest, K^-1 (R(u) - F), shape (3 free,).
-        pull: forces of this change, R(u) - F, shape (3 free,).
-        left: norm of the residual in energy: square root of |way . pull| / |K^-1 F . F|.
+        way: basic step of c, computed with the stiffness at rest, K^-1 (R(u) - F), shape (3 free,).
+        pull: forces of this step, R(u) - F, shape (3 free,).
+        left: residual relative to the forces, in the norm of the energy: square root of |way . pull| / |K^-1 F . F|.
     """
 
     way: Floats32
@@ -47,7 +48,7 @@ class LawTables:
     """Neo-Hookean law on one mesh.
 
     Vectors contain x, y and z of each free node, shape (3 free,), or of each pad node, shape (3 m,). They are in single
-    precision and for E = 1.
+    precision. Displacements are in metres and forces in newtons for E = 1 Pa.
 
     Args:
         mesh: mesh of the tissue.
@@ -112,9 +113,9 @@ class LawTables:
         """Keep the displacement of a state for `state`.
 
         Args:
-            force: forces on the pad nodes, shape (3 m,). They are a part of the key, because light forces all have c =
-            0.
-            beyond: correction c at the pad nodes, shape (3 m,).
+            force: forces on the pad nodes, shape (3 m,).
+            beyond: correction c at the pad nodes, shape (3 m,). It does not identify a state, because it is 0 for all
+                light forces; therefore the forces are needed as well.
             moved: displacement, shape (3 free,).
         """
         key = force.tobytes() + beyond.tobytes()
@@ -122,7 +123,7 @@ class LawTables:
         self._states.make(key, lambda: moved)
 
     def state(self, force: Floats32, beyond: Floats32) -> Floats32:
-        """Return the displacement for forces and corrections at the pad nodes, shape (3 free,).
+        """Return the displacement for forces and corrections at the pad nodes, kept or computed, shape (3 free,).
 
         Args:
             force: forces on the pad nodes, shape (3 m,).
@@ -131,19 +132,23 @@ class LawTables:
         return self._states.make(force.tobytes() + beyond.tobytes(), lambda: self._held(force, beyond))
 
     def _held(self, force: Floats32, beyond: Floats32) -> Floats32:
-        """Compute the displacement below the pad for a given displacement of the pad."""
+        """Compute the displacement, shape (3 free,), for which the pad has the displacement K^-1 F - c."""
         start = self.pulled(force)
         start[self.pad] -= beyond
         if len(self._inner):
-            start[self._inner] -= self._beneath.solve((self._matrix @ start)[self._inner])  # start from linear tissue
+            start[self._inner] -= self._beneath.solve((self._matrix @ start)[self._inner])  # as in linear tissue
         return self.held(start)[0]
 
     def held(self, start: Floats32, tolerance: float | None = None) -> tuple[Floats32, float]:
-        """Return the equilibrium by the law for a given displacement of the pad, shape (3 free,), and its residual.
+        """Return the displacement in equilibrium for a fixed displacement of the pad, and its residual.
 
         Args:
-            start: displacement to start from, whose part on the pad is held, shape (3 free,).
-            tolerance: residual at which the iteration ends, see `Miss.left`; None for `TOLERANCE`.
+            start: initial displacement, whose part on the pad stays as it is, shape (3 free,).
+            tolerance: residual at which the iteration ends, relative to the forces as in `Miss.left`; None for
+                `TOLERANCE`.
+
+        Returns:
+            Displacement, shape (3 free,), and its residual.
         """
         held, out = start[self.pad], start.copy()
         if not held.any() or not len(self._inner):
@@ -163,7 +168,8 @@ class LawTables:
     def loaded(self, force: Floats32) -> Floats32:
         """Return the correction c at the pad nodes for forces on them, shape (3 m,).
 
-        Tissue may have no stable equilibrium under constant forces. The result is then the iterate of least residual.
+        Tissue may have no stable equilibrium under constant forces. The result is then that of the iterate with the
+        least residual.
 
         Args:
             force: forces on the pad nodes, shape (3 m,).
@@ -217,7 +223,7 @@ def _relaxed(
         tolerance: residual at which the iteration ends.
     """
     steps = Relaxation()
-    with np.errstate(over="ignore", invalid="ignore"):  # a step may be too long; it is undone then
+    with np.errstate(over="ignore", invalid="ignore"):  # a step may be too long, and is then undone
         for _ in range(STEPS):
             way, pull, left = miss(x)
             following = steps.next(x, way, pull, left)

@@ -33,7 +33,7 @@ Floats = NDArray[np.floating[Any]]
 
 _laws: Recent[str, LawTables] = Recent(8)
 
-MODEL_VERSION = 1  # part of every key; to be raised whenever mesh, assembly or condensation changes
+MODEL_VERSION = 1  # part of every cache key; increase it when mesh, assembly or condensation changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +41,8 @@ class SkinModel:
     """Model of a fingertip's skin: its linear response, condensed to the pad nodes.
 
     Forces act on the skin [N]. Forces and displacements [m] are in the finger's frame, with x, y and z of each pad node
-    in the order of `mesh.pad`; shapes (m, 3) and (3 m,) are both accepted. Displacement, stress and energy are those of
-    linear skin. The correction by a nonlinear law is an offset, which `Stimulus` adds.
+    in the order of `mesh.pad`; forces may have the shape (m, 3) or (3 m,). The methods return displacement, stress and
+    energy of linear tissue, even if `follows_law` is set. `Stimulus` takes the neo-Hookean law into account.
 
     Attributes:
         mesh: mesh of the tissue.
@@ -51,7 +51,7 @@ class SkinModel:
         unit_compliance: displacement of the pad nodes for forces on them for E = 1 Pa, symmetric positive definite
             [1/m], shape (3 m, 3 m).
         key: hash of all inputs except E and alpha, 64 hexadecimal digits.
-        cache: cache for larger tables, or None.
+        cache: cache for larger tables; None for none.
         shape: the parametric fingertip that was meshed, which has a smooth surface; None for any other mesh.
         follows_law: whether the tissue follows the neo-Hookean law (`law`).
         rounded_key: as `key`, with lengths rounded to a nanometre, so that a length has the same key in metres and in
@@ -109,7 +109,7 @@ class SkinModel:
         return self.compliance.astype(np.float32)
 
     def with_material(self, *, young: float | None = None, alpha: float | None = None) -> SkinModel:
-        """Return the same skin with another stiffness; all tables are shared."""
+        """Return the same skin with another stiffness; tables that do not depend on it are shared."""
         material = replace(
             self.material,
             young=self.material.young if young is None else young,
@@ -141,7 +141,7 @@ class SkinModel:
         return self._like(shape=None)
 
     def _share(self, other: SkinModel, *tables: str) -> None:
-        """Share tables that have been computed with another model."""
+        """Share tables, if they have been computed, with another model."""
         other.__dict__.update({name: self.__dict__[name] for name in tables if name in self.__dict__})
 
     def pad_displacement(self, force: Floats) -> Array:
@@ -151,7 +151,7 @@ class SkinModel:
     def displacement(self, force: Floats) -> Array:
         """Return the displacement of all nodes [m], shape (n, 3).
 
-        That of the pad nodes is in double precision, that of all others in single precision.
+        For the pad nodes it is computed in double precision, for all other nodes in single precision.
 
         Args:
             force: forces on the pad nodes [N], shape (m, 3) or (3 m,).
@@ -169,7 +169,7 @@ class SkinModel:
             rows, flat32 = rows[chosen], flat[chosen]
         else:
             flat32 = flat
-        # Forces are scaled in double precision, so that the product in single precision is with numbers near one.
+        # Forces are divided by the largest one, so that the product in single precision has numbers near one.
         scale = float(np.abs(flat32).max())
         moved = sgemv(1.0, rows.T, (flat32 / scale).astype(np.float32))
         out[self.mesh.free] = moved.astype(np.float64).reshape(-1, 3) * (scale / self.material.modulus)
@@ -219,19 +219,20 @@ class SkinModel:
 
     @cached_property
     def law(self) -> LawTables:
-        """Tables of the neo-Hookean law on this mesh, which equal fingers share."""
+        """Tables of the neo-Hookean law on this mesh; all skins with the same `key` share them."""
         return _laws.make(self.key, lambda: LawTables(self.mesh, self.material.poisson, lambda: self.unit_response))
 
     def stress_components(self, count: int | None = None, forces: Floats | None = None) -> Array:
-        """Return a matrix W of stress components: the norm of W f is that of the stress for forces f.
+        """Return a matrix W of stress components, whose product W f has the norm of the stress for forces f.
 
-        The 2-norm of W f equals the volume-weighted L2 norm of the stress, in which shear counts twice [Pa m^1.5]. This
-        is exact with all 3 m components, and approximate with the `count` principal ones.
+        The 2-norm of W f equals the volume-weighted L2 norm of the stress, in which shear counts twice [Pa m^1.5]. With
+        all 3 m components this is exact. With fewer, W f has the `count` principal components, and its norm is
+        approximate.
 
         Args:
             count: number of components; None for all.
-            forces: sample forces whose principal components are kept [N], shape (s, 3 m); None for unit forces on each
-                node.
+            forces: sample forces [N], shape (s, 3 m); the principal components of their stress are kept. None for unit
+                forces on each node.
 
         Returns:
             W, shape (count, 3 m).
@@ -256,7 +257,7 @@ class SkinModel:
     def unit_stress(self) -> Array:
         """Matrix H for which |H f| is the stress norm of forces f, shape (3 m, 3 m).
 
-        For given forces, stress does not depend on E.
+        It is the same for every E, since the stress for given forces does not depend on E.
         """
         from scipy.linalg import eigh
 
@@ -318,7 +319,7 @@ def fingertip_skin(
 
 
 def _told(lengths: Mapping[str, float], level: str) -> str:
-    """Return the inputs of a fingertip's mesh as text, for its key."""
+    """Return the inputs of a fingertip's mesh as text, from which its key is computed."""
     if level not in LEVELS:
         raise DermisError("unknown accuracy", where="skin", value=level, limit=", ".join(LEVELS))
     return json.dumps({"shape": dict(lengths), "level": asdict(LEVELS[level])}, sort_keys=True)
@@ -372,7 +373,7 @@ def skin_from_parameters(
 def is_kept(parameters: Mapping[str, Any], *, level: str, cache: Cache, where: str = "skin") -> bool:
     """Return whether the skin that parameters describe and its table of responses are in a cache.
 
-    For a mesh of the user's own the result is True, because the key of such a mesh requires reading it.
+    For a mesh of the user's own the result is True, because its key cannot be computed before the mesh is read.
 
     Raises:
         DermisError: a parameter or the level is unknown, or a value is out of range.
@@ -385,7 +386,9 @@ def is_kept(parameters: Mapping[str, Any], *, level: str, cache: Cache, where: s
 
 
 def shape_and_material(parameters: Mapping[str, Any], where: str = "skin") -> tuple[FingertipShape | None, Elastic]:
-    """Return the fingertip and the tissue that a skin's parameters describe; None for a mesh of the user's own.
+    """Return the fingertip and the tissue that a skin's parameters describe.
+
+    For a mesh of the user's own, the fingertip is None.
 
     Raises:
         DermisError: a parameter is unknown, or a value is out of range.
@@ -422,7 +425,13 @@ def _cached(
 
 
 def condensed_pad(mesh: TetraMesh, material: Elastic, element: Element, *, response: bool = False) -> Condensed:
-    """Condense a mesh to its pad nodes, for E = 1 Pa; with `response`, also for the free nodes, see `condense`.
+    """Condense a mesh to its pad nodes, for E = 1 Pa.
+
+    Args:
+        mesh: mesh of the tissue.
+        material: material of the tissue, of which only Poisson's ratio is used.
+        element: 'anp' or 'p1'.
+        response: whether to compute the displacement of all free nodes as well, see `condense`.
 
     Raises:
         DermisError: the equations cannot be solved in double precision.
@@ -431,5 +440,5 @@ def condensed_pad(mesh: TetraMesh, material: Elastic, element: Element, *, respo
     matrix = stiffness(mesh, material.unit, element)[free][:, free]
     try:
         return condense(matrix, np.searchsorted(mesh.free, mesh.pad), response=response)
-    except DermisError as error:  # `check_mesh` found the mesh held, so rounding errors are the cause
+    except DermisError as error:  # the mesh is held, see `check_mesh`, so rounding errors are the cause
         raise unsolvable(mesh, material.poisson) from error

@@ -1,8 +1,11 @@
 """PadChart: the smooth skin of a finger pad, with a tree of cells over it.
 
-The nodes of a fingertip's mesh lie a millimetre apart. Contact with an edge or the rim of a coin requires a finer
-resolution, which the smooth surface of the fingertip allows at any point. The chart unrolls this surface along the
-finger (`FingertipShape.skin` of the exponential of a complex number), so that its cells are nearly square.
+The nodes of a fingertip's mesh are a millimetre apart. Contact with an edge or the rim of a coin requires a finer
+resolution. The smooth surface of the fingertip can be evaluated at any point, so its cells can be as small as needed.
+
+The chart gives each point of the surface two coordinates: a position along the finger and an angle around it. They are
+chosen such that squares of the chart are nearly square on the skin: `FingertipShape.skin` is applied to a function of
+the exponential of a complex number, whose real and imaginary part are the coordinates.
 """
 
 from __future__ import annotations
@@ -21,9 +24,10 @@ from .shape import FingertipShape
 from .tiles import Tiles
 
 CELL_SIDES = (0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3)  # nominal sides of the cells of each level [m]
-# Level 0 is obtained by splitting squares of this many times its side, because the chart narrows towards the tip.
+# The cells of level 0 are made by splitting larger squares, which have this many times their side. Squares of the chart
+# are smaller on the skin towards the tip, so they are split less often there.
 ROOTS = 8
-LARGEST = 1.2  # largest side of a cell of level 0, relative to its nominal side
+LARGEST = 1.2  # largest side of a cell of level 0, relative to the nominal side
 CUT_MARGIN = 2.0e-3  # margin at the cut end that does not belong to the pad [m], as in meshes
 _STEP = 1e-5  # step of numerical derivatives in the chart; truncation and rounding errors are near 1e-10
 
@@ -67,8 +71,9 @@ class PadChart:
 
     Attributes:
         shape: the fingertip.
-        places: centres of the cells in the chart, shape (n, 2): logarithm of the distance along the finger (0 at the
-            pad's centre, rising to the cut end), and angle around it (0 at the pad's centre, rising to -X).
+        places: centres of the cells in the chart, shape (n, 2). The first coordinate is the position along the finger:
+            0 at the pad's centre, -y / `shape.tip` behind it, and falling without limit towards the tip. The second is
+            the angle around the finger [rad]: 0 at the pad's centre, rising towards -X.
         halves: half the sides of the cells in the chart, shape (n, 2).
         starts: index of the first cell of each level, and of the first bar, length levels + 1.
     """
@@ -92,11 +97,11 @@ class PadChart:
         if not 1 <= levels <= len(CELL_SIDES):
             raise DermisError("no such number of levels", where="pad", value=levels, limit=f"1 to {len(CELL_SIDES)}")
         side = CELL_SIDES[0]
-        # Steps that are squares on the skin near the pad's centre. The metric there is the length of the tip along the
-        # finger, and the mean half section around it.
+        # The cells are squares on the skin near the pad's centre. A unit of the chart there has the length `tip` along
+        # the finger, and the mean half size of the section around it.
         around = 0.25 * shape.width + 0.5 * shape.height_palm
         half = 0.5 * ROOTS * side / np.array([shape.tip, around])
-        rows = 1 + np.arange(int(np.ceil((shape.reach + 4.0) / (2 * half[0]))))  # up to e^-4 of the tip's length
+        rows = 1 + np.arange(int(np.ceil((shape.reach + 4.0) / (2 * half[0]))))  # to -4 in the chart, near the tip
         columns = 1 + np.arange(int(np.ceil(0.5 * np.pi / (2 * half[1]))))
         columns = np.concatenate([-columns[::-1], columns - 1])
         a, b = np.meshgrid(shape.reach - (2 * rows - 1) * half[0], (2 * columns + 1) * half[1], indexing="ij")
@@ -139,7 +144,7 @@ class PadChart:
 
     @cached_property
     def beside(self) -> Indices:
-        """Cells of level 0 around each of them, shape (n, 3, 3); n if there is none."""
+        """Neighbours of each cell of level 0, by steps of -1, 0 and 1 along and around, shape (n, 3, 3); n for none."""
         from scipy.spatial import cKDTree
 
         places, halves = self.places[self.base], self.halves[self.base]
@@ -158,7 +163,7 @@ class PadChart:
         """Return the four children of each cell, shape (n, 4).
 
         Raises:
-            DermisError: one is a cell of the finest level or a bar.
+            DermisError: a cell has the finest level, or is a bar.
         """
         level = self.levels[cells]
         if len(level) and (level.max() + 2 >= len(self.starts) or level.min() < 0):
@@ -170,15 +175,15 @@ class PadChart:
         return first[:, None] + np.arange(4)
 
     def parent(self, cells: Indices) -> Indices:
-        """Return the parent of each cell, shape (n,); -1 for those of level 0."""
+        """Return the parent of each cell, shape (n,); -1 for cells of level 0 and bars."""
         level = self.levels[cells]
         starts = np.array(self.starts)
         return np.where(level > 0, starts[level - 1] + (cells - starts[level]) // 4, -1)
 
     def descendants(self, cells: Indices, level: int) -> tuple[Indices, Indices]:
-        """Return the cells of a level that cover given cells, and the position in `cells` of the cell of each.
+        """Return the cells of a level that cover given cells, and for each its owner: a position in `cells`.
 
-        Cells that are of this level or finer are returned themselves.
+        A given cell of this level, or of a finer one, is returned as it is. Bars are not allowed.
         """
         found, owner = np.asarray(cells), np.arange(len(cells))
         while (coarse := self.levels[found] < level).any():
@@ -189,12 +194,12 @@ class PadChart:
         return found[order], owner[order]
 
     def corners(self, cells: Indices, reach: float = 0.75) -> tuple[Array, Array]:
-        """Return points and normals at four corners of each cell, each shape (n, 4, 3).
+        """Return points of the skin [m] and unit normals at four corners of each cell, each shape (n, 4, 3).
 
         Args:
             cells: indices of the cells, shape (n,).
-            reach: distance of the corners from the centre, in sides of the cell. Above 0.5 the areas of neighbours
-                overlap, so that no object passes between them unnoticed.
+            reach: distance of the corners from the centre, in sides of the cell. Above 0.5, the squares between the
+                corners of neighbouring cells overlap, so no object between two cells is missed.
         """
         signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
         places = self.places[cells][:, None] + 2 * reach * signs * self.halves[cells][:, None]
@@ -207,17 +212,18 @@ class PadChart:
         return _skin(self.shape, places)
 
     def surface(self, places: Array) -> Patches:
-        """Return pieces of the smooth skin at places of the chart, shape (n, 2), of unit size in the chart."""
+        """Return pieces of the smooth skin at places of the chart, shape (n, 2), whose sides in the chart are 1."""
         return _patches(self.shape, places, np.full_like(places, 0.5))
 
     def project(self, points: Array) -> tuple[Array, Array]:
-        """Project points onto the smooth skin.
+        """Project points onto the smooth skin, along its normals.
 
         Args:
             points: points near the pad [m], shape (n, 3).
 
         Returns:
-            Place of each point's foot in the chart, shape (n, 2), and its depth below the skin [m], shape (n,).
+            Places in the chart of the points' feet, shape (n, 2), and depths of the points below the skin [m], shape
+            (n,). The foot of a point is its projection.
 
         Raises:
             DermisError: the foot of a point is not unique, because the point is too deep or far from the pad.
@@ -244,7 +250,7 @@ class PadChart:
         )
 
     def with_levels(self, levels: int) -> PadChart:
-        """Return the tree with the coarsest `levels` levels alone."""
+        """Return the chart with only the coarsest `levels` levels of the tree."""
         count, starts = self.starts[levels], self.starts[: levels + 1]
         places, halves = _with_bars(self.places[:count], self.halves[:count], starts)
         return replace(self, places=places, halves=halves, starts=starts)
@@ -260,7 +266,7 @@ def _frame(shape: FingertipShape, places: Array) -> tuple[Array, Array, Array]:
 
 
 def _skin(shape: FingertipShape, places: Array, along: float = 0.0, around: float = 0.0) -> Array:
-    """Return points of the skin [m], shape (..., 3), at places of the chart, shape (..., 2), plus an offset."""
+    """Return points of the skin [m], shape (..., 3), at places, shape (..., 2), shifted by `along` and `around`."""
     p = np.exp(-shape.reach)
     plane = np.exp(places[..., 0] + along + 1j * (places[..., 1] + around))
     return shape.skin(p * (plane - 1.0) / (1.0 - p * p * plane))

@@ -27,7 +27,7 @@ COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 RECEPTOR_DEPTHS = (0.3e-3, 1.6e-3, 2.0e-3)
 _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 _SHEAR_WEIGHT = np.array([1.0, 1.0, 1.0, np.sqrt(2.0), np.sqrt(2.0), np.sqrt(2.0)])
-INSIDE = 1e-9  # a point counts as inside an element if no barycentric coordinate is below minus this
+INSIDE = 1e-9  # a point is in an element if its barycentric coordinates are at least minus this
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class StressOperator:
     """Operator from nodal displacement to stress, for one mesh, material and element.
 
     Components of stress are xx, yy, zz, yz, xz, xy in the finger's frame. With averaged nodal pressure, the pressure of
-    an element is the mean of that at its nodes, as in the stiffness matrix.
+    an element is the mean of the pressures at its nodes, as in the stiffness matrix.
 
     Attributes:
         mesh: mesh of the tissue.
@@ -114,7 +114,7 @@ class StressOperator:
     def energy_density(self, displacement: Floats) -> Array:
         """Return the strain energy density of each element [J/m^3], shape (e,).
 
-        Its sum, weighted with the volumes, is half of the work of the forces.
+        Its sum, weighted with the volumes, is half the product of forces and displacements.
         """
         first, shear = self.material.lame
         u = _flat(displacement)
@@ -127,7 +127,8 @@ class StressOperator:
 
     def _dilatation(self, u: Array) -> Array:
         if self.element == "anp":
-            # Two products, with the nodes between them, take a tenth of the time of one with `volumetric_matrix`.
+            # Two products, first to the nodes and then to the elements, take a tenth of the time of a product with
+            # `volumetric_matrix`.
             return self.mean @ (self.geometry.divergence @ u)
         return self.volumetric_matrix @ u
 
@@ -144,14 +145,14 @@ class StressOperator:
 
     @cached_property
     def weighted_matrix(self) -> csr_array:
-        """`matrix`, scaled so that the 2-norm of its product is the volume-weighted L2 norm of the stress."""
+        """`matrix` with scaled rows: its product with a displacement has the volume-weighted L2 norm of the stress."""
         from scipy.sparse import diags_array
 
         return (diags_array(self.weights.ravel()) @ self.matrix).tocsr()
 
     @cached_property
     def weights(self) -> Array:
-        """Weights by which the 2-norm of stresses is their volume-weighted L2 norm [m^1.5], shape (e, 6)."""
+        """Factors for stresses whose 2-norm is then their volume-weighted L2 norm [m^1.5], shape (e, 6)."""
         return np.sqrt(self.geometry.volumes)[:, None] * _SHEAR_WEIGHT
 
 
@@ -198,7 +199,7 @@ class Probes:
 
 
 def receptor_probes(mesh: TetraMesh, depths: Sequence[float] = RECEPTOR_DEPTHS) -> Probes:
-    """Return the points below each pad node at receptor depths [m], without those in bone or outside."""
+    """Return probes below each pad node at given depths [m], except for points in bone or outside the mesh."""
     points = (mesh.nodes[mesh.pad][None] - np.asarray(depths)[:, None, None] * mesh.pad_normals[None]).reshape(-1, 3)
     depth = np.repeat(np.asarray(depths, float), len(mesh.pad))
     pad = np.tile(np.arange(len(mesh.pad)), len(depths))
@@ -231,7 +232,8 @@ def locate(mesh: TetraMesh, points: Array) -> tuple[NDArray[np.int64], Array]:
         todo = todo[~found]
         if near == len(corners):
             break
-        # Elongated elements have distant centres. Eight times as many are tested next, and finally all.
+        # The centre of an elongated element can be far from a point in it. So eight times as many are tested next, and
+        # finally all.
         near = min(8 * near, len(corners))
         if near * len(todo) > 20_000_000 and len(todo) > 1:
             half = len(todo) // 2

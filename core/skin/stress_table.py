@@ -1,7 +1,8 @@
 """StressTable: stress at fixed points below the skin for changing forces.
 
-Stress is linear in the forces. For each cell of level 0, the stress of unit forces is computed once, when the cell is
-first loaded. The force on a finer cell counts as force on its cell of level 0, except for near points.
+Stress is linear in the forces. For each cell of level 0, the stress for unit forces is computed once, when the cell is
+first loaded. The force on a finer cell counts as a force on the cell of level 0 that contains it, except for points
+near the cell.
 """
 
 from __future__ import annotations
@@ -15,8 +16,10 @@ from numpy.typing import NDArray
 from ..arrays import Array, Floats32, Indices
 from .surface_compliance import ABOVE, SPREAD, Probes, SurfaceCompliance
 
-TOGETHER = 4  # number of cells that are computed together, so that arrays fit into the processor's cache
-NEAR = 3.0  # a point within this many sides of a cell's centre counts as near
+TOGETHER = 4  # number of cells whose tables are computed together, so that arrays fit into the processor's cache
+# A point is near a cell of level 0 if the distance of its foot from the cell's centre is below this many sides of the
+# largest such cell.
+NEAR = 3.0
 _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, yz, xz, xy
 
 Floats = NDArray[np.floating[Any]]
@@ -26,7 +29,7 @@ class StressTable:
     """Stress below a smooth pad, for forces on its cells.
 
     The stress differs from that of `SurfaceCompliance.beneath` by up to 1 % of the largest stress, under an edge by up
-    to 3 %. It takes a twentieth of the time. The table does not depend on E.
+    to 3 %. Its computation takes a twentieth of the time. The table does not depend on E.
 
     Args:
         surface: the smooth pad.
@@ -35,7 +38,7 @@ class StressTable:
 
     def __init__(self, surface: SurfaceCompliance, probes: Probes) -> None:
         self._surface, self.probes = surface, probes
-        self._known: dict[int, Floats32] = {}  # stress for unit forces on each cell of level 0, shape (3, 6 k)
+        self._known: dict[int, Floats32] = {}  # by cell of level 0: stress for unit forces on it, shape (3, 6 k)
         remainder, depths = surface.remainder, probes.plane.depths
         rank, powers = remainder.beneath.shape[1], (1e3 * depths[:, None]) ** np.arange(len(remainder.beneath))
         self._smooth = (powers[:, :, None] * probes.functions[:, None, :rank]).reshape(len(probes), -1)
@@ -47,10 +50,7 @@ class StressTable:
         self._reach = NEAR * float(self._sides[surface.chart.base].max())
 
     def unknown(self, cells: Indices) -> list[int]:
-        """Return the cells of level 0 whose tables are needed but not known.
-
-        These are the cells of level 0 that contain loaded cells.
-        """
+        """Return the cells of level 0 that contain given loaded cells, and whose tables are not known yet."""
         parts, _ = self._surface.chart.tiles.squares(cells)
         roots = np.unique(self._surface.chart.tiles.root[parts])
         return [root for root in roots.tolist() if root not in self._known]
@@ -58,7 +58,7 @@ class StressTable:
     def learn(self, cells: Indices) -> Iterator[None]:
         """Compute the tables of loaded cells that are not known yet.
 
-        It yields after every few cells.
+        The generator yields after every `TOGETHER` cells.
         """
         new = self.unknown(cells)
         for start in range(0, len(new), TOGETHER):
@@ -69,7 +69,7 @@ class StressTable:
         """Return the stress at points, xx, yy, zz, yz, xz, xy [Pa], shape (k, 6).
 
         Args:
-            cells: indices of the cells that carry force, none within another, shape (j,).
+            cells: indices of the cells that carry force, which must not overlap, shape (j,).
             force: forces on these cells [N], shape (j, 3).
             which: indices of the points, shape (k,); None for all.
         """
@@ -100,9 +100,16 @@ class StressTable:
     def _refine(
         self, out: Array, which: Indices, roots: Indices, total: Array, parts: Indices, at: Indices, force: Array
     ) -> None:
-        """Refine the stress of divided cells at near points, in place.
+        """Replace, at near points, the stress of whole cells of level 0 by that of their loaded parts.
 
-        The stress of the whole cell is replaced by that of its parts.
+        Args:
+            out: stress at the points [Pa], shape (k, 6); changed in place.
+            which: indices of the points, shape (k,).
+            roots: cells of level 0 that contain loaded cells, shape (r,).
+            total: sum of the forces on each of these [N], shape (r, 3).
+            parts: loaded cells that are finer than level 0, shape (n,).
+            at: position in `roots` of the cell that contains each part, shape (n,).
+            force: force on each part [N], shape (n, 3).
         """
         cut = np.unique(at)
         middles = self._surface.cells.positions[roots[cut]]
@@ -132,9 +139,9 @@ class StressTable:
             self._known.update(zip(some, rows.reshape(len(some), 3, -1), strict=True))
 
     def _sum(self, probe: Indices, cells: Indices, force: Array, row: Indices, count: int) -> Array:
-        """Sum the stress of pairs of a point and a cell by rows.
+        """Sum the stress of pairs of a point and a cell by rows; return it, shape (count, 6).
 
-        Large cells near a point are divided.
+        Cells that are large compared with the point's depth, and near it, are divided.
 
         Args:
             probe, cells: indices of point and cell of each pair, shape (n,) each.
@@ -181,9 +188,9 @@ def _added(
     count: int,
     poisson: float,
 ) -> Array:
-    """Sum the stress of point forces on a half-space by rows.
+    """Sum the stress of point forces on a half-space by rows; return it [Pa], shape (count, 6).
 
-    The result has the shape (count, 6). The stress is that of Boussinesq and Cerruti, [Pa].
+    The formulas are those of Boussinesq and Cerruti.
 
     Args:
         frames: axes of the tangent plane at the foot of each point, shape (k, 3, 3).
@@ -201,7 +208,7 @@ def _added(
     flat = np.hypot(along, across)
     stretch = apart / np.where(flat > 0, flat, 1.0)
     local = along * stretch, across * stretch, depth, _dot(force, first), _dot(force, second), _dot(force, inward)
-    x, y, z, fx, fy, fz = (values.astype(np.float32) for values in local)  # half the time, relative error 1e-6
+    x, y, z, fx, fy, fz = (values.astype(np.float32) for values in local)  # single precision: half the time
     free = 1.0 - 2.0 * poisson
     r = np.sqrt(x * x + y * y + z * z)
     inverse, deep = 1.0 / r, 1.0 / (r + z)

@@ -25,7 +25,7 @@ class Condensed:
     Attributes:
         compliance: displacement of the pad nodes, symmetric positive definite [m/N], shape (3 m, 3 m).
         response: displacement of all nodes of the matrix, one row for each force, float32 [m/N], shape (3 m, 3 n); None
-            if it was not requested. Forces on few nodes read few rows.
+            if it was not requested. For forces on few nodes, only few rows need to be read.
     """
 
     compliance: Array
@@ -35,9 +35,9 @@ class Condensed:
 def condense(matrix: csr_array, pad: Index, *, response: bool = False) -> Condensed:
     """Condense a stiffness matrix to some of its nodes.
 
-    The nodes are sorted into breadth-first levels, for which the matrix is block tridiagonal. Dense Cholesky
-    factorisation of one level after the other gives K = L L'. A forward sweep Y = L^-1 B over the pad's unit loads B
-    then gives C = Y' Y.
+    The nodes are sorted into breadth-first levels, for which the stiffness matrix K is block tridiagonal. Dense
+    Cholesky factorisation of one level after the other gives K = L L'. With the unit loads B on the pad, a forward
+    sweep gives Y = L^-1 B, and the compliance is C = Y' Y.
 
     Args:
         matrix: stiffness without fixed nodes, symmetric positive definite [N/m], shape (3 n, 3 n).
@@ -138,7 +138,7 @@ def _sweep_back(
 
 
 def breadth_first_levels(matrix: csr_array, pad: Index) -> list[Index]:
-    """Return the nodes of a matrix in levels for which it is block tridiagonal, in the order of least cost.
+    """Return levels of nodes for which a matrix is block tridiagonal; of several choices, the one of least cost.
 
     Args:
         matrix: sparse matrix with three rows for each node, shape (3 n, 3 n).
@@ -149,7 +149,7 @@ def breadth_first_levels(matrix: csr_array, pad: Index) -> list[Index]:
 
 def _node_graph(matrix: csr_array) -> tuple[Index, Index]:
     """Return the graph of the matrix's nodes, as row starts and columns."""
-    # The three rows of a node have the same pattern, except for entries that cancelled. The union of them is used.
+    # The three rows of a node have the same nonzero columns, except for entries that cancelled. The union is used.
     from scipy.sparse import csr_array as csr
 
     blocks = matrix.tobsr(blocksize=(3, 3))
@@ -159,13 +159,14 @@ def _node_graph(matrix: csr_array) -> tuple[Index, Index]:
 
 
 def _best_levels(starts: Index, columns: Index, pad: Index) -> list[Index]:
-    """Return the breadth-first levels of least cost, for several distant roots and both directions."""
+    """Return the breadth-first levels of least cost, among several distant roots and both orders of the levels."""
     count = len(starts) - 1
     roots: list[int] = []
     levels = _levels(starts, columns, int(np.asarray(pad)[0]))
     candidates = []
     for _ in range(4):
-        # A node of the last level is far from the root, so that the roots alternate between the ends of the mesh.
+        # The next root is a node of the last level, far from the present root. So roots alternate between the ends of
+        # the mesh.
         root = int(levels[-1][0])
         if root in roots:
             root = int(levels[-1][-1])
@@ -181,7 +182,7 @@ def _best_levels(starts: Index, columns: Index, pad: Index) -> list[Index]:
 
 
 def _levels(starts: Index, columns: Index, root: int) -> list[Index]:
-    """Return the nodes in levels of distance from a root; parts without connection follow as further levels."""
+    """Return the nodes in levels of equal distance from a root; unconnected parts follow as further levels."""
     seen = np.zeros(len(starts) - 1, bool)
     out: list[Index] = []
     front = np.array([root])
@@ -200,7 +201,7 @@ def _levels(starts: Index, columns: Index, root: int) -> list[Index]:
 
 
 def _cost(levels: list[Index], is_pad: NDArray[np.bool_]) -> float:
-    """Return the number of multiplications of the factorisation and the forward sweep, up to a factor."""
+    """Return the number of multiplications in factorisation and forward sweep, up to a constant factor."""
     total, active = 0.0, 0
     for i, level in enumerate(levels):
         n = len(level)

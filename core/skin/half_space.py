@@ -1,7 +1,8 @@
 """Closed-form solutions for forces on an elastic half-space with E = 1, by Boussinesq, Cerruti and Love.
 
-The displacement of pieces of skin is compiled code (`core/kernels/half_space.c`). For a point below the skin, the plane
-of the half-space is the tangent plane at the foot of the point.
+The displacement of pieces of skin is computed by compiled code (`core/kernels/half_space.c`). For a point below the
+skin, the surface of the half-space is the tangent plane at the foot of the point, which is the point of the skin above
+it.
 
 Source: Johnson, Contact Mechanics, chapter 3; Love, Phil. Trans. A 228 (1929)
 """
@@ -27,7 +28,7 @@ STRESS_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, y
 def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type = np.float64) -> NDArray[Any]:
     """Return the displacement of pieces of skin for unit forces on other pieces, for E = 1.
 
-    If field and source are exchanged, the result is transposed up to rounding.
+    If field and source are exchanged, the result is transposed, up to rounding errors.
 
     Args:
         field: I pieces whose displacement is computed.
@@ -112,7 +113,8 @@ class Beneath:
     def _places(self, probe: Indices, positions: Array) -> Array:
         """Return the points relative to the forces, in the frame of each point's tangent plane [m], shape (n, 3).
 
-        The distance in the plane is the length of the chord along the curved skin; the depth is the true one.
+        The distance in the plane is the length of the chord from the force to the foot, not that of its projection onto
+        the plane. The depth is the point's own.
         """
         chord = self.feet[probe] - positions
         x, y = _dot(chord, self.frames[probe, 0]), _dot(chord, self.frames[probe, 1])
@@ -122,11 +124,14 @@ class Beneath:
 
 
 def _point_force(place: Array, poisson: float) -> Array:
-    """Return displacement (E = 1) and stress for unit forces at the origin of the half-space z > 0, shape (n, 9, 3).
+    """Return displacement and stress for unit forces at the origin of the half-space z > 0, for E = 1.
 
     Args:
         place: positions in the half-space [m], shape (n, 3).
         poisson: Poisson's ratio.
+
+    Returns:
+        Components of displacement [1/m] and stress [1/m^2] for the three unit forces, shape (n, 9, 3).
     """
     x, y, z = place.T
     free = 1.0 - 2.0 * poisson

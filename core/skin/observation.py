@@ -1,8 +1,8 @@
 """Observation: stress, electrodes or total force of a touch.
 
-Touches are compared by these quantities. On linear skin, an observation is a matrix applied to the contact forces. On
-neo-Hookean skin, the matrix gives the values of linear skin for the same forces, and the law gives the difference. For
-stress, the field is projected onto the stress fields of forces on linear skin, so that one matrix serves both tissues.
+Touches are compared by these quantities. On linear skin, an observation is a matrix times the contact forces. On
+neo-Hookean skin, the law corrects the observed displacement of the pad. Observed stress is computed by the law and then
+projected onto the stress fields that forces cause in linear skin, so that the same matrix serves both tissues.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from .stress import StressOperator
 if TYPE_CHECKING:
     from .model import SkinModel
 
-# Share of the largest eigenvalue of the stress of unit forces; smaller eigenvalues are rounding of single precision.
+# Eigenvalues of the stress for unit forces that are below this share of the largest one are rounding errors of single
+# precision.
 ROUNDING = 1e-6
 
 
@@ -31,9 +32,9 @@ class Observation:
     """Linear observation of a touch by c channels.
 
     Attributes:
-        matrix: channels for forces on the pad nodes of linear skin, shape (c, 3 m).
-        pad: channels for the displacement of the pad nodes [1/m], shape (c, 3 m), if displacement is observed; else
-            None.
+        matrix: matrix from forces on the pad nodes of linear skin to the channels, shape (c, 3 m).
+        pad: matrix from the displacement of the pad nodes to the channels, shape (c, 3 m); None if displacement is not
+            observed.
         stress: whether the channels are components of stress.
     """
 
@@ -43,7 +44,7 @@ class Observation:
 
     @classmethod
     def of(cls, given: Array | Observation) -> Observation:
-        """Return an observation; a matrix becomes one of stress components."""
+        """Return an observation as it is, and a matrix of stress components as an observation."""
         return given if isinstance(given, Observation) else cls(np.asarray(given, np.float64))
 
 
@@ -80,16 +81,13 @@ class Observer:
 
         Args:
             force: forces on the pad nodes [N], shape (m, 3) or (3 m,).
-            amounts: see `Stimulus.given`; None computes it from the forces.
+            amounts: see `Stimulus.given`; None: they are computed from the forces.
         """
         return self.see(touch_of(self.skin, force, amounts))
 
 
 def skin_key(skin: SkinModel) -> str:
-    """Return the key of a skin with its tissue model.
-
-    The key does not depend on E and alpha.
-    """
+    """Return the key of a skin and its tissue model, which does not depend on E and alpha."""
     return cache_key(skin.key, "law") if skin.follows_law else skin.key
 
 
@@ -99,7 +97,7 @@ def touch_of(skin: SkinModel, force: Array, amounts: Array | None = None) -> Sti
     Args:
         skin: model of the skin.
         force: forces [N], shape (m, 3) or (3 m,).
-        amounts: see `Stimulus.given`; None computes it from the forces.
+        amounts: see `Stimulus.given`; None: they are computed from the forces.
     """
     return Stimulus(skin, np.asarray(force, np.float64).reshape(-1, 3), None, amounts)
 
@@ -113,9 +111,9 @@ def stress_vector(felt: Stimulus) -> Array:
 
 
 def stress_error(target: Stimulus, made: Stimulus) -> float:
-    """Return the relative error of the whole stress.
+    """Return the relative error of the stress of `made` in all elements, compared with the stress of `target`.
 
-    The stress of `made` is compared with that of `target`. The error is 0 if the target has no stress.
+    The error is 0 if the target has no stress.
     """
     if target.skin.follows_law or made.skin.follows_law:
         wanted = stress_vector(target)
@@ -131,9 +129,9 @@ def stress_error(target: Stimulus, made: Stimulus) -> float:
 def _stress_reader(skin: SkinModel, matrix: Array) -> Floats32:
     """Return the matrix D from stress to channels, shape (c, 6 e).
 
-    If s is the stress [Pa] of forces f on linear skin, D s = W f, where W is `matrix`. Any other stress field is first
-    projected, by least squares, onto such fields: with the map S from forces to weighted stress, D = W (S'S)^-1 S' on
-    weighted stress.
+    For the stress s of forces f on linear skin [Pa], D s = W f, where W is `matrix`. For any other stress field, D also
+    projects the field onto such fields, by least squares. With the map S from forces to weighted stress, D is
+    W (S'S)^-1 S' for weighted stress.
     """
     return _readers.make((skin.key, matrix.tobytes()), lambda: _made_reader(skin, matrix))
 

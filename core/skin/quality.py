@@ -10,8 +10,8 @@ from ..errors import DermisError
 from .held import check_held
 from .mesh import FACES, TetraMesh, tetra_volumes
 
-# Smallest volume of an element, relative to the cube of its longest edge. Flatter ones make the stiffness matrix
-# ill-conditioned.
+# Smallest allowed volume of an element, relative to the cube of its longest edge. Flatter elements make the stiffness
+# matrix ill-conditioned.
 MIN_RELATIVE_VOLUME = 1e-6
 _PAIRS = ((0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3))
 
@@ -66,7 +66,7 @@ def check_mesh(mesh: TetraMesh) -> None:
 
 
 def unsolvable(mesh: TetraMesh, poisson: float) -> DermisError:
-    """Return the error for a mesh whose equations cannot be solved; it names the worst element."""
+    """Return the error for a mesh whose equations cannot be solved; the error names the worst element."""
     corners = mesh.nodes[mesh.tetrahedra]
     longest = np.max([np.linalg.norm(corners[:, j] - corners[:, i], axis=1) for i, j in _PAIRS], axis=0)
     shapes = 6.0 * np.sqrt(2.0) * mesh.volumes / longest**3
@@ -104,10 +104,17 @@ def _check_elements(nodes: Array, tetrahedra: NDArray[np.integer], where: str) -
 
 
 def _check_hanging(nodes: Array, border: NDArray[np.integer], where: str) -> None:
-    """Raise an error if a node lies on an edge of another element's boundary face but is not one of its ends."""
+    """Raise an error if a node lies on an edge of a boundary face without being an end of this edge.
+
+    Args:
+        nodes: positions of the nodes [m], shape (n, 3).
+        border: nodes of the boundary faces, shape (f, 3).
+        where: name of the mesh, for errors.
+    """
     edges = np.unique(np.concatenate([border[:, [0, 1]], border[:, [1, 2]], border[:, [0, 2]]]), axis=0)
     points = np.unique(border)
-    # Only nodes of the boundary can hang. They are sorted along x, so that each edge is tested with few of them.
+    # Only nodes of the boundary can lie on such an edge. They are sorted along x, so that each edge is tested with few
+    # nodes.
     order = points[np.argsort(nodes[points, 0], kind="stable")]
     x = nodes[order, 0]
     size = np.ptp(nodes, axis=0).max()

@@ -1,9 +1,9 @@
 """Remainder: difference between the compliance of a fingertip and that of a half-space.
 
-Near a force, skin is displaced as on a half-space, which is known in closed form (`half_space`). Far from it, the
-displacement depends on bone, nail and shape. The difference is smooth, so that few functions of the position represent
-it. It is fitted once to the condensed compliance of a fine mesh. The fit uses pairs of nodes that are far enough apart
-for the mesh to be accurate.
+Near a force, skin moves as the surface of a half-space does, for which there is a closed form (`half_space`). Far from
+the force, the displacement depends on bone, nail and shape. The difference between skin and half-space is smooth, so
+few functions of the position represent it. Their coefficients are fitted once to the condensed compliance of a fine
+mesh. The fit uses pairs of nodes that are far enough apart for the mesh to be accurate.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
     from .condense import Condensed
     from .mesh import TetraMesh
 
-LENGTH = 4e-3  # length l of the Gaussians exp(-r^2 / 2 l^2) [m], over which the remainder changes
-CENTRES = 96  # number of Gaussians of which the functions are combined
+LENGTH = 4e-3  # length l of the Gaussians exp(-r^2 / 2 l^2) [m], similar to that over which the remainder changes
+CENTRES = 96  # number of Gaussians; each function is a linear combination of them
 RANK = 50  # number of functions for the remainder on the skin
-LOW_RANK = 30  # number of the smoothest of these functions for the remainder below the skin
+LOW_RANK = 30  # number of functions for the remainder below the skin: the smoothest of the `RANK`
 FAR = 1.5e-3  # distance of two nodes above which the mesh is accurate [m]
-ROUNDS = 12  # rounds of the fit, in which values for nearer pairs are replaced by those of the fit
+ROUNDS = 12  # number of rounds of the fit; each replaces the values for pairs nearer than `FAR` by those of the fit
 DEPTHS = (0.6e-3, 1.2e-3, 2.0e-3, 3.0e-3)  # depths below the skin at which the fine mesh is evaluated [m]
 DEGREE = 2  # degree of the polynomial in the depth
-PROBES = 160  # largest number of points for each depth
-STEPS = 1 + ROUNDS + len(DEPTHS)  # steps of progress of a fit; the first is the condensation
+PROBES = 160  # largest number of points at each depth
+STEPS = 1 + ROUNDS + len(DEPTHS)  # number of progress steps of a fit; the first is the condensation
 _AT_ONCE = 200  # number of rows of large tables that are computed together
 
 
@@ -48,8 +48,9 @@ class Remainder:
 
     Attributes:
         centres: centres of Gaussians of the length `LENGTH` [m], shape (c, 3).
-        mixing: coefficients of the functions phi, the smoothest first, shape (c, rank).
-        surface: D [1/m], symmetric, shape (rank, 3, rank, 3). The displacement of the skin is phi_i D phi_j' f_j.
+        mixing: coefficients of the Gaussians in each function phi, the smoothest function first, shape (c, rank).
+        surface: matrix D [1/m], symmetric, shape (rank, 3, rank, 3). A force f_j at point j displaces the skin at point
+            i by phi_i D phi_j' f_j, where phi_i are the functions at point i.
         beneath: displacement [1/m] and stress [1/m^2] below the skin as a polynomial of the depth in mm, shape (powers,
             low, 9, low, 3). The axes are the power of the depth, the function at the foot, the component (displacement
             x, y, z and stress xx, yy, zz, yz, xz, xy), the function at the force, and the component of the force.
@@ -66,16 +67,16 @@ class Remainder:
         return self.mixing.shape[1]
 
     def functions(self, positions: Array) -> Floats32:
-        """Return the functions phi at points of the skin [m], shape (n, 3); shape of the result (n, rank)."""
+        """Return the functions phi, shape (n, rank), at points of the skin [m], shape (n, 3)."""
         return (_gaussians(positions, self.centres) @ self.mixing).astype(np.float32)
 
     def below(self, phi_feet: Floats32, depths: Array, moments: Array) -> Array:
-        """Return displacement (E = 1) and stress below the skin, shape (k, 9).
+        """Return the remainder of displacement (E = 1) [m] and stress [Pa] below the skin, shape (k, 9).
 
         Args:
             phi_feet: functions at the feet of the points, shape (k, rank).
             depths: depths of the points [m], shape (k,).
-            moments: sums phi' f of the forces weighted with each function [N], shape (rank, 3).
+            moments: for each function, sum of the forces weighted with it, phi' f [N], shape (rank, 3).
         """
         low = self.beneath.shape[1]
         fields_ = np.einsum("pkclb,lb->pkc", self.beneath, moments[:low])
@@ -88,7 +89,7 @@ class Remainder:
 
     @classmethod
     def read(cls, path: Path) -> Remainder:
-        """Read a remainder from a file of `write`.
+        """Read a remainder from a file that `write` wrote.
 
         Raises:
             DermisError: the file cannot be read, or its arrays do not fit together.
@@ -108,7 +109,7 @@ class Remainder:
 def fit_remainder(
     chart: PadChart, mesh: TetraMesh, condensed: Condensed, poisson: float
 ) -> Generator[tuple[int, int], None, Remainder]:
-    """Fit the remainder of a fingertip to its compliance on a fine mesh.
+    """Fit the remainder of a fingertip to its compliance on a fine mesh, step by step.
 
     Args:
         chart: chart of the fingertip.
@@ -117,14 +118,14 @@ def fit_remainder(
         poisson: Poisson's ratio.
 
     Yields:
-        Number of finished steps, from 1, and `STEPS`.
+        Number of finished steps, which begins at 1 since the condensation is done, and `STEPS`.
 
     Returns:
         The remainder.
     """
     places, _ = chart.project(mesh.nodes[mesh.pad])
     skin = chart.surface(places)
-    skin = Patches(skin.positions, skin.normals, 1e-6 * skin.sides, 1e-12 * skin.areas)  # nodes have no extent
+    skin = Patches(skin.positions, skin.normals, 1e-6 * skin.sides, 1e-12 * skin.areas)  # almost points
     centres = _spread(chart.cells.positions[chart.base], CENTRES)
     left, scale, right = np.linalg.svd(_gaussians(skin.positions, centres), full_matrices=False)
     rank = min(RANK, len(scale))
@@ -153,7 +154,18 @@ def fit_remainder(
 def _fit_beneath(
     mesh: TetraMesh, condensed: Condensed, skin: Patches, phi: Array, poisson: float
 ) -> Generator[tuple[int, int], None, Floats32]:
-    """Fit displacement and stress at each depth below the skin, and a polynomial in the depth to the results."""
+    """Fit the remainder at each of the `DEPTHS`, and a polynomial in the depth to the results.
+
+    Args:
+        mesh: fine mesh.
+        condensed: condensation of the mesh for E = 1, with the response.
+        skin: pieces of skin at the pad nodes.
+        phi: functions at the pad nodes, shape (m, low).
+        poisson: Poisson's ratio.
+
+    Returns:
+        `Remainder.beneath`.
+    """
     from .stress import locate
 
     response = condensed.response
@@ -187,7 +199,13 @@ def _fit_beneath(
 def _reading(mesh: TetraMesh, element: NDArray[Any], weights: Array, poisson: float) -> csr_array:
     """Return the matrix from the free nodes' displacement to displacement and stress at points, for E = 1.
 
-    Stress is averaged at the nodes and interpolated.
+    The stress of the elements is averaged at the nodes, and interpolated between them.
+
+    Args:
+        mesh: mesh of the tissue.
+        element: index of the element that contains each point, shape (k,).
+        weights: barycentric coordinates of each point in its element, shape (k, 4).
+        poisson: Poisson's ratio.
     """
     from scipy.sparse import csr_array as csr
     from scipy.sparse import eye_array, kron, vstack
@@ -227,7 +245,8 @@ def _squares(first: Array, second: Array) -> Array:
 def _spread(points: Array, count: int) -> Array:
     """Return up to `count` of the points, evenly spread.
 
-    The first is nearest to the origin; each further one is farthest from all before it.
+    The first point is the one nearest to the origin. Each further point is the one whose distance from the points
+    chosen before is largest.
     """
     chosen = [int(np.argmin(np.einsum("ij,ij->i", points, points)))]
     far = _squares(points, points[chosen])[:, 0]

@@ -1,10 +1,10 @@
 """Virtual sensor with electrodes in the pulp, after the BioTac: 19 channels of the tissue's compression.
 
 The electrodes of the real sensor are on its core. They measure the impedance of the fluid between core and skin, which
-rises if the skin comes nearer. The virtual electrodes read the relative decrease of the tissue's thickness above each
-of them, as a weighted mean over the skin nearby. Readings are linear in the skin's displacement, and on linear skin
-also in the contact forces. The positions of the electrodes are this project's own: they are symmetric and cover the
-same part of the finger. All results with them are simulated and must be called virtual.
+rises if the skin comes nearer. Each virtual electrode reads the relative decrease of the tissue's thickness above it,
+as a weighted mean over the skin nearby. Readings are linear in the skin's displacement, and on linear skin also in the
+contact forces. The positions of the virtual electrodes are this project's own: they are symmetric and cover the same
+part of the finger. All results with them are simulated and must be called virtual.
 
 Source: [S0] 6 (a BioTac with 19 electrodes as a measurable descriptor of the stimulus)
 """
@@ -23,14 +23,14 @@ from ..number_rows import read_rows
 from .model import SkinModel
 from .observation import Observation
 
-# Positions of the electrodes in the pad's plane, as fractions of half the finger's width (x) and of the distance from
-# the pad's centre to the tip (y): seven along the middle, and six on each side.
+# Positions of the electrodes in the pad's plane: seven along the middle, and six on each side. x is a fraction of half
+# the pad's width, and y is a fraction of the distance from the pad's centre to its end at the tip.
 _MIDDLE = [(0.0, y) for y in (-0.95, -0.6, -0.3, 0.0, 0.3, 0.55, 0.75)]
 _SIDES = [(s * x, y) for s in (1.0, -1.0) for x, y in
           ((0.35, -0.75), (0.6, -0.4), (0.35, -0.1), (0.6, 0.15), (0.35, 0.4), (0.45, 0.65))]  # fmt: skip
 LAYOUT = np.array([*_MIDDLE, *_SIDES])
 MIN_SAMPLES = 16  # least number of samples for an estimate of the noise
-RARE = 4.0  # number of standard deviations of a normal distribution that 1 in 30,000 values exceeds
+RARE = 4.0  # a number of standard deviations; 1 in 30,000 values of a normal distribution exceeds the mean by more
 SPREAD = 2.0e-3  # standard deviation of the weights of an electrode on the skin [m]
 
 
@@ -42,7 +42,7 @@ class ElectrodeSensor:
         places: points of the skin above the electrodes [m], shape (c, 3).
         thickness: thickness of the tissue at these points [m], shape (c,).
         weights: weights of the pad nodes for each electrode, with a sum of 1, shape (c, m).
-        observation: readings [1] for forces on the pad nodes, and for their displacement.
+        observation: matrices from forces on the pad nodes, and from their displacement, to readings [1].
     """
 
     places: Array
@@ -52,16 +52,16 @@ class ElectrodeSensor:
 
     @property
     def matrix(self) -> Array:
-        """Readings [1] for forces on the pad nodes of linear skin [N], shape (c, 3 m)."""
+        """Matrix from forces on the pad nodes of linear skin to readings [1/N], shape (c, 3 m)."""
         return self.observation.matrix
 
 
 def electrode_sensor(skin: SkinModel, layout: Array = LAYOUT, spread: float = SPREAD) -> ElectrodeSensor:
-    """Return the virtual sensor of a skin; positions of electrodes are relative to the size of the finger.
+    """Return the virtual sensor of a skin; positions of electrodes are relative to the size of its pad.
 
     Args:
         skin: model of the skin.
-        layout: positions as fractions of half the width and of the distance to the tip, shape (c, 2).
+        layout: positions as fractions, see `LAYOUT`, shape (c, 2).
         spread: standard deviation of the weights [m].
 
     Raises:
@@ -90,7 +90,14 @@ def electrode_sensor(skin: SkinModel, layout: Array = LAYOUT, spread: float = SP
 
 
 def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:
-    """Read a recorded sequence of stimuli: .csv with a column of times and one for each channel, or .npz.
+    """Read a recorded sequence of stimuli from a .csv or .npz file.
+
+    A .csv file has a column of times and one column for each channel. An .npz file has the arrays 'times' and
+    'stimuli'.
+
+    Args:
+        path: path of the file.
+        channels: number of channels that the stimuli must have.
 
     Returns:
         Times [s], rising, shape (n,), and stimuli, shape (n, channels).
@@ -132,7 +139,8 @@ def noise_of(stimuli: Array) -> float:
     """Estimate the standard deviation of one channel's noise in a sequence of readings, shape (n, c).
 
     The estimate uses second differences, which are small for a touch and large for noise. The median over the samples
-    excludes the few in which a touch begins or ends. The result is 0 for sequences below `MIN_SAMPLES`.
+    is not affected by the few samples in which a touch begins or ends. The result is 0 if there are fewer samples than
+    `MIN_SAMPLES`.
     """
     if len(stimuli) < MIN_SAMPLES:
         return 0.0
@@ -141,7 +149,7 @@ def noise_of(stimuli: Array) -> float:
 
 
 def noise_floor_of(noise: float, channels: int) -> float:
-    """Return the norm of noise that 1 in 30,000 readings of an untouched sensor exceeds.
+    """Return the norm that the noise of 1 in 30,000 readings of an untouched sensor exceeds.
 
     Args:
         noise: standard deviation of one channel.
@@ -151,7 +159,9 @@ def noise_floor_of(noise: float, channels: int) -> float:
 
 
 def _chi(channels: int, deviations: float) -> float:
-    """Return a quantile of the norm of independent standard normal numbers.
+    """Return the quantile of the norm of `channels` standard normal numbers that belongs to a number of deviations.
+
+    Its probability is that of a normal number to be at most `deviations` standard deviations above the mean.
 
     Source: Wilson and Hilferty 1931
     """

@@ -12,7 +12,7 @@ from ..arrays import Array
 from ..errors import DermisError
 from ..parameters.skin import LENGTHS
 
-# Narrowing of the finger behind the pad's centre, as a fraction of the half section. The palmar side recedes towards
+# Narrowing of the finger far behind the pad's centre, as a share of half the section. The palmar side recedes towards
 # the crease of the joint; the sides and the back are almost straight.
 WAIST_PALM, WAIST_SIDE, WAIST_BACK = 0.12, 0.05, 0.02
 PALM_SHARE = 0.54  # height of the widest section above the pad, as a share of the thickness
@@ -89,12 +89,15 @@ class FingertipShape:
 
     @property
     def reach(self) -> float:
-        """Length behind the pad's centre divided by the tip's; logarithm of the chart's outer radius."""
+        """Length of the finger behind the pad's centre, divided by `tip`.
+
+        It is also the logarithm of the outer radius of the plane in `_tube`.
+        """
         return (self.length - self.tip) / self.tip
 
     @classmethod
     def scaled(cls, width: float, thickness: float, length: float, **lengths: float) -> FingertipShape:
-        """Return a fingertip of other outer lengths [m]; lengths that are not given are scaled with them."""
+        """Return a fingertip with given outer lengths [m]; other lengths that are not given are scaled with them."""
         base = cls()
         along, across, up = length / base.length, width / base.width, thickness / base.thickness
         own = {
@@ -113,8 +116,8 @@ class FingertipShape:
         """Return points of the skin.
 
         Args:
-            chart: points of the closed unit disk. 0 is the pad's centre, and the rim is the cut end. The imaginary axis
-                points along -X, and the negative real axis leads over the tip to the nail.
+            chart: points of the closed unit disk, shape (...). 0 is the pad's centre, and the rim is the cut end. The
+                imaginary axis points along -X, and the negative real axis leads over the tip to the nail.
 
         Returns:
             Points [m], shape (..., 3).
@@ -129,12 +132,12 @@ class FingertipShape:
         return np.stack([x, self.tip * axial, z], axis=-1)
 
     def bone(self, chart: NDArray[np.complex128]) -> Array:
-        """Return points of the bone's surface for points of the chart [m], see `skin`, shape (..., 3)."""
+        """Return points of the bone's surface [m], shape (..., 3), for points of the disk, see `skin`."""
         radius, angle, axial = self._tube(chart)
         half = 0.5 * self.bone_width
         centre = self.tip - self.bone_margin - half
-        # Behind the head, a point of the bone approaches the cross-section of the skin's point. The layers between them
-        # are then not sheared where the tissue is thin.
+        # A point of the bone and a point of the skin correspond to each other. Towards the cut end, both approach the
+        # same cross-section, so that the layers between them are not sheared where the tissue is thin.
         behind = np.maximum(-axial, 0.0)
         y = half * np.maximum(axial, 0.0) - self.tip * behind + centre * (1.0 - behind / self.reach) ** 2
         middle = self.thickness - self.bone_bed - 0.5 * self.bone_thickness
@@ -143,7 +146,11 @@ class FingertipShape:
         return np.stack([x, y, z], axis=-1)
 
     def under_nail(self, points: Array) -> NDArray[np.bool_]:
-        """Return whether the nail covers points of the skin [m], shape (..., 3); shape of the result (...)."""
+        """Return whether the nail covers points of the skin, shape (...).
+
+        Args:
+            points: points of the skin [m], shape (..., 3).
+        """
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
         front = self.tip - self.nail_margin
         along = (y <= front) & (y >= front - self.nail_length)
@@ -151,8 +158,9 @@ class FingertipShape:
 
     def _tube(self, chart: NDArray[np.complex128]) -> tuple[Array, NDArray[np.complex128], Array]:
         """Return relative radius of the section, direction around the axis (1: palm), axial position (1: tip)."""
-        # The map is conformal, so that cells stay nearly square. A Moebius map of the disk brings the pad to the
-        # middle, the logarithm unrolls the tube behind it, and a stereographic projection closes the tip.
+        # The map is conformal, so that squares stay nearly square. A Moebius map takes the disk to a disk of the
+        # plane in which 0 is the tip and 1 the pad's centre. Outside the unit circle, the logarithm of the radius is
+        # the position along the finger. Inside, a stereographic projection closes the tip.
         p = np.exp(-self.reach)
         plane = (chart + p) / (1.0 + p * chart) / p
         size = np.abs(plane)
@@ -188,9 +196,9 @@ def shape_from_parameters(parameters: dict[str, Any], *, where: str = "fingertip
 
 
 def _waist(q2: Array, drop: Array | float) -> Array:
-    """Return the factor that narrows a section behind the pad.
+    """Return the factor by which a section behind the pad's centre is narrowed.
 
-    At the pad's centre it continues the curvature of the pad to second order. Far behind, it approaches 1 - drop.
+    Near the pad's centre, it continues the curvature of the pad up to second order. Far behind, it approaches 1 - drop.
 
     Args:
         q2: square of the axial position behind the pad's centre.

@@ -23,15 +23,15 @@ __all__ = ["COMPONENTS", "Stimulus", "von_mises"]
 class Stimulus:
     """State of a skin under contact forces.
 
-    All quantities are in the finger's frame, whose Z axis points to the nail. Each is computed at its first use and
-    then kept.
+    All quantities are in the finger's frame, whose Z axis points to the nail. Each quantity is computed at its first
+    use and then kept.
 
     Attributes:
         skin: model of the skin.
         force: forces on the pad nodes [N], shape (m, 3).
         points: forces on points of the smooth skin, if contact was solved there; else None.
         given: correction of nonlinear skin as the contact computed it: displacement of the pad nodes in linear skin
-            minus that in nonlinear skin [m], shape (3 m,). None computes it from the forces.
+            minus that in nonlinear skin [m], shape (3 m,). None: it is computed from the forces.
     """
 
     skin: SkinModel
@@ -74,7 +74,7 @@ class Stimulus:
 
     @property
     def _load(self) -> Floats32:
-        """Forces on the pad nodes divided by E, shape (3 m,)."""
+        """Forces on the pad nodes, divided by the modulus [m^2], shape (3 m,)."""
         return (np.asarray(self.force, float).ravel() / self.skin.material.modulus).astype(np.float32)
 
     @cached_property
@@ -88,14 +88,18 @@ class Stimulus:
 
     @cached_property
     def more(self) -> Array | None:
-        """Stress of each element minus that of linear tissue [Pa], shape (e, 6); None for linear skin."""
+        """Stress of each element, minus that of linear tissue under the same forces [Pa], shape (e, 6).
+
+        None for linear skin.
+        """
         return self.stress - self.skin.operator.stress(self._linear_displacement) if self._follows else None
 
     @cached_property
     def stress(self) -> Array:
         """Stress of each element [Pa], xx, yy, zz, yz, xz, xy, shape (e, 6).
 
-        It is that of forces on nodes, averaged over elements. Near the skin, `probe_stress` is more accurate.
+        It is computed on the mesh, with forces on nodes, and is an average over each element. Near the skin,
+        `probe_stress` is more accurate.
         """
         if self._follows:
             return self.skin.material.modulus * self.skin.law.stress(self._state)
@@ -109,11 +113,11 @@ class Stimulus:
     def stress_at(self, probes: Probes) -> Array:
         """Return the stress at points in the tissue [Pa], xx, yy, zz, yz, xz, xy, shape (k, 6).
 
-        For forces on points, it is the stress of the smooth skin at the same depth, plus the difference by the
-        nonlinear law on the mesh.
+        If `points` is set, it is the stress of the smooth skin at the same depth, plus the difference that the
+        nonlinear law makes on the mesh.
 
         Args:
-            probes: points in this skin's mesh. If forces act on points, their depths must be known.
+            probes: points in this skin's mesh, k in number. If `points` is set, their depths must be known.
         """
         if self.points is None:
             return probes.read(self.stress)
@@ -124,7 +128,10 @@ class Stimulus:
 
     @cached_property
     def energy_density(self) -> Array:
-        """Strain energy density of each element [J/m^3], shape (e,)."""
+        """Strain energy density of each element [J/m^3], shape (e,).
+
+        For nonlinear skin, it is that of linear tissue with the same stress.
+        """
         if self.more is None:
             return self.skin.operator.energy_density(self._linear_displacement)
         return stored(self.stress, self.skin.material)
@@ -143,18 +150,21 @@ class Stimulus:
 
     @cached_property
     def moment(self) -> Array:
-        """Moment of the forces about the pad's centre [N m], shape (3,)."""
+        """Moment of the forces, at the rest positions of the nodes, about the pad's centre [N m], shape (3,)."""
         force = np.asarray(self.force, float).reshape(-1, 3)
         return np.cross(self.skin.positions, force).sum(axis=0)
 
     @cached_property
     def pressure(self) -> Array:
-        """Force into the skin over the area of each pad node [Pa], shape (m,)."""
+        """Pressure at each pad node: force into the skin, divided by the node's area [Pa], shape (m,)."""
         return self._push / self.skin.areas
 
     @cached_property
     def centre_of_pressure(self) -> Array:
-        """Mean position of the pad nodes at rest, weighted by the force into the skin [m], shape (3,); else nan."""
+        """Mean of the pad nodes' rest positions, weighted by the force into the skin [m], shape (3,).
+
+        It is nan if no force acts into the skin.
+        """
         push = np.maximum(self._push, 0.0)
         total = push.sum()
         return push @ self.skin.positions / total if total > 0 else np.full(3, np.nan)
@@ -165,7 +175,7 @@ class Stimulus:
         return -np.einsum("ij,ij->i", force, self.skin.normals)
 
     def surface_values(self, values: Array) -> Array:
-        """Return values at all nodes for drawing, shape (n, ...), averaged from elements, shape (e, ...)."""
+        """Return values at all nodes for drawing, shape (n, ...), as averages of those of elements, shape (e, ...)."""
         return nodal_average(self.skin.mesh, values)
 
     def summary(self) -> dict[str, Any]:

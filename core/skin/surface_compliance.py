@@ -1,7 +1,8 @@
 """SurfaceCompliance: compliance between points of a fingertip's smooth skin, and stress below it.
 
 The displacement for a force is that of a half-space in closed form, plus a smooth remainder of low rank, which was
-fitted to a fine mesh once. The points are centres of cells of the pad's tree, at the resolution that a touch requires.
+fitted to a fine mesh once. The points are centres of cells of the pad's tree. Small cells are used where a touch needs
+a fine resolution.
 """
 
 from __future__ import annotations
@@ -20,10 +21,12 @@ from .pad_chart import PadChart, Patches
 from .remainder import Remainder
 from .row_table import RowTable
 
-# A cell near a point below the skin passes its force to its children if its side exceeds this many times the depth.
+# A cell near a point below the skin passes its force to its children if its side exceeds SPREAD times the point's
+# depth. The cell is near if the distance of the point's foot from the cell's centre is below ABOVE times the sum of
+# side and depth.
 SPREAD = 0.7
-ABOVE = 2.0  # a cell counts as near within this many times the sum of its side and the depth
-_PAIRS_AT_ONCE = 200_000
+ABOVE = 2.0
+_PAIRS_AT_ONCE = 200_000  # number of pairs that are computed together
 _ROWS_AT_ONCE = 40  # number of rows whose tables fit into the processor's cache
 
 Floats = NDArray[np.floating[Any]]
@@ -39,7 +42,8 @@ class SurfaceCompliance:
         chart: the pad's tree of cells.
         material: Young's modulus E, Poisson's ratio and the personal stiffness factor alpha.
         remainder: difference to the compliance of a half-space, for E = 1.
-        spring: displacement of the bone for the total force [m/N], symmetric, shape (3, 3); zero for a fixed bone.
+        spring: compliance of the bone's support: displacement of the bone for the total force [m/N], symmetric, shape
+            (3, 3); zero for a fixed bone.
     """
 
     chart: PadChart
@@ -56,13 +60,18 @@ class SurfaceCompliance:
         return self.chart.cells
 
     def with_material(self, *, young: float | None = None, alpha: float | None = None) -> SurfaceCompliance:
-        """Return the same pad with another stiffness; all tables are shared."""
+        """Return the same pad with another stiffness; all tables are shared, since they are for E = 1."""
         young = self.material.young if young is None else young
         alpha = self.material.alpha if alpha is None else alpha
         return self._sharing(replace(self, material=replace(self.material, young=young, alpha=alpha)))
 
     def with_spring(self, direction: Array, stiffness: float) -> SurfaceCompliance:
-        """Return the same pad on a bone that has a spring along a unit vector, shape (3,), of a stiffness [N/m]."""
+        """Return the same pad with one more spring of the bone.
+
+        Args:
+            direction: unit vector along which the spring gives way, shape (3,).
+            stiffness: stiffness of the spring [N/m].
+        """
         axis = np.asarray(direction, np.float64)
         return self._sharing(replace(self, spring=self.spring + np.outer(axis, axis) / stiffness))
 
@@ -79,14 +88,14 @@ class SurfaceCompliance:
 
     @cached_property
     def coarse(self) -> RowTable:
-        """Displacement of all p cells of level 0 for forces on one of them for E = 1, as for `displaced`."""
+        """Displacement of all p cells of level 0 for unit forces on each, for E = 1; rows for `displaced`."""
         return RowTable(len(self.chart.base), lambda cells: self._rows(cells, self.chart.base), together=8)
 
     def displaced(self, rows: Floats32, force: Floats) -> Array:
         """Return the displacement for forces, computed in single precision.
 
         Args:
-            rows: displacement for each unit force for E = 1 [1/m], shape (j, 3, i, 3).
+            rows: displacement for each unit force, for E = 1 [1/m], shape (j, 3, i, 3).
             force: forces [N], shape (j, 3).
 
         Returns:
@@ -132,11 +141,16 @@ class SurfaceCompliance:
         return np.concatenate([np.tensordot(part, force, axes=2) for part in parts] or [np.zeros((0, 3))])
 
     def functions(self, cells: Indices) -> Floats32:
-        """Return the remainder's functions at cells, shape (n, rank); each cell is computed at its first use."""
+        """Return the remainder's functions at the centres of cells, shape (n, rank); they are computed at first use."""
         return self._functions[np.asarray(cells)]
 
     def probes(self, places: Array, depths: Floats | float) -> Probes:
-        """Return the points below the skin at places of the chart, shape (k, 2), and depths above zero [m], (k,)."""
+        """Return points below the skin.
+
+        Args:
+            places: places of the points' feet in the chart, shape (k, 2).
+            depths: depths of the points [m], above zero, one number or shape (k,).
+        """
         skin = self.chart.surface(places)
         depths = np.broadcast_to(np.asarray(depths, np.float64), len(places)).copy()
         plane = Beneath(skin.positions, skin.normals, depths, self.material.poisson)
@@ -149,7 +163,7 @@ class SurfaceCompliance:
 
         Args:
             probes: points below the skin, from `probes`.
-            cells: indices of the cells that carry force, none within another, shape (j,).
+            cells: indices of the cells that carry force, which must not overlap, shape (j,).
             force: forces on them [N], shape (j, 3).
 
         Returns:
@@ -186,7 +200,10 @@ class SurfaceCompliance:
 
     @cached_property
     def _surface(self) -> Floats32:
-        """D with axes in the order for one product per row: function at i, components at i and j, function at j."""
+        """Matrix D of the remainder in the order for one product per row, shape (rank, 9 rank).
+
+        The axes are the function at i, the components at i and at j, and the function at j.
+        """
         rank = self.remainder.rank
         return np.ascontiguousarray(self.remainder.surface.transpose(0, 1, 3, 2).reshape(rank, 9 * rank), np.float32)
 

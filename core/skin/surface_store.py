@@ -1,4 +1,4 @@
-"""Sources of the smooth pad's remainder: shipped files, the cache, and a fit that takes a while."""
+"""Sources of the smooth pad's remainder: shipped files, a cache, and a fit that takes 20 s or more."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from .shape import FingertipShape
 from .store import kept
 from .surface_compliance import SurfaceCompliance
 
-REMAINDER_VERSION = 1  # part of every key; to be raised whenever mesh, kernel or fit changes
-CHART_VERSION = 1  # the same for the neighbours in a chart
-QUICK, FINEST = "fine", "reference"  # meshes of the fit: for any shape in a child process, and for shipped shapes
+REMAINDER_VERSION = 1  # part of the key of every remainder; increase it when mesh, kernel or fit changes
+CHART_VERSION = 1  # part of the key of a chart's neighbours; increase it when their computation changes
+QUICK, FINEST = "fine", "reference"  # levels of the mesh for the fit: of any shape, and of the shipped shapes
 SHIPPED = BUILT_IN / "skins"
 
-_pads: Recent[str, SurfaceCompliance] = Recent(10)  # the fingers of one person
+_pads: Recent[str, SurfaceCompliance] = Recent(10)  # enough for the fingers of one person
 
 
 def remainder_key(shape: FingertipShape, poisson: float) -> str:
-    """Return the key of a remainder, made from the shape and Poisson's ratio alone.
+    """Return the key of a remainder, which depends only on the shape and Poisson's ratio.
 
     Lengths are rounded to a nanometre, so that a length has the same key in metres and in millimetres.
     """
@@ -83,7 +83,7 @@ def make_remainder(
         shape: the fingertip.
         poisson: Poisson's ratio.
         level: resolution of the mesh: 'fine' (some 20 s and 1.3 GB) or 'reference' (two minutes and 3 GB).
-        cache: cache of skins; None does not store it.
+        cache: cache of skins; None: the remainder is not stored.
 
     Yields:
         Number of finished steps and number of all steps.
@@ -108,8 +108,8 @@ def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
     """Return the smooth pad of a skin; None if it has none.
 
     A mesh of the user's own has no smooth pad. For a parametric fingertip, the pad needs a remainder. Remainders for
-    the lengths of the presets are shipped; others must be in the skin's cache. Fingers of one shape share the pad's
-    tables, whatever their stiffness and mesh.
+    the lengths of the presets are shipped; others must be in the skin's cache. Fingers with the same shape and
+    Poisson's ratio share the pad's tables, even if their stiffness or mesh differs.
     """
     if skin.shape is None:
         return None
@@ -120,14 +120,15 @@ def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
         remainder = find_remainder(skin.shape, material.poisson, shipped=SHIPPED, cache=skin.cache)
         if remainder is None:
             return None
-        own = replace(material, poisson=round(material.poisson, 6))  # rounded, so that the first finger does not decide
+        # Poisson's ratio is rounded as in the key, so that the pad does not depend on which finger comes first.
+        own = replace(material, poisson=round(material.poisson, 6))
         known = SurfaceCompliance(_chart(_rounded(skin.shape), skin.cache), own, remainder)
     pad = _pads.make(key, lambda: known)
     return pad.with_material(young=material.young, alpha=material.alpha)
 
 
 def _chart(shape: FingertipShape, cache: Cache | None) -> PadChart:
-    """Return the chart of a shape with its neighbours from the cache, because finding them loads a large library."""
+    """Return the chart of a shape, with its neighbours from the cache: finding them would import a large library."""
     chart = PadChart.of(shape)
     key = cache_key(f"dermis-chart {CHART_VERSION}", version(), repr(shape), repr(CELL_SIDES))
 
@@ -153,12 +154,12 @@ def no_smooth_pad(skin: SkinModel, name: str) -> Finding:
 def surface_compliance(
     parameters: Mapping[str, Any], *, shipped: Path | None = None, cache: Cache | None = None, where: str = "skin"
 ) -> SurfaceCompliance | None:
-    """Return the smooth pad of the skin that parameters describe; None if it has none, see `smooth_pad`.
+    """Return the smooth pad of the skin that parameters describe; None if the skin has none, see `smooth_pad`.
 
     Args:
         parameters: as for `skin_from_parameters`.
-        shipped: folder of the shipped remainders.
-        cache: cache of skins.
+        shipped: folder of the shipped remainders; None for none.
+        cache: cache of skins; None for none.
         where: name of the finger, for errors.
 
     Raises:

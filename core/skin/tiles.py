@@ -28,6 +28,9 @@ class Tiles:
         starts: index of the first cell of each level of the tree, and the number of all cells.
 
     Attributes:
+        levels: number of levels of the tree, l.
+        count: number of tiles, n.
+        first: index of the first tile with given numbers of halvings of both sides, shape (l, l); -1 if there is none.
         root: cell of level 0 that contains each tile, shape (n,).
         halved: number of halvings of each side, along and around the finger, shape (n, 2).
         place: position of each tile in its root, in tiles of its size, along and around the finger, shape (n, 2).
@@ -62,11 +65,11 @@ class Tiles:
 
     @cached_property
     def bars(self) -> tuple[tuple[int, int], ...]:
-        """Numbers of halvings of the bars' sides that this chart has."""
+        """Numbers of halvings of both sides, for all kinds of bars that this chart has."""
         return tuple(bar for bar in BARS if max(bar) < self.levels)
 
     def sizes(self, tiles: Indices) -> Indices:
-        """Return the sides of tiles in sides of the finest squares, along and around the finger, shape (n, 2)."""
+        """Return the sides of tiles as multiples of a finest square's, along and around the finger, shape (n, 2)."""
         return np.asarray((1 << (self.levels - 1)) >> self.halved[tiles])
 
     @cached_property
@@ -80,7 +83,8 @@ class Tiles:
     def ways(self) -> Indices:
         """Possible direction of division for each number of halvings and wanted direction, shape (l, l, 4).
 
-        It differs from the wanted direction if this would give tiles that do not exist; 0 if there is none.
+        It differs from the wanted direction if a division in that direction would give tiles that do not exist. It is 0
+        if no direction is possible or wanted.
         """
         n = self.levels
         found = np.zeros((n, n, 4), dtype=np.int64)
@@ -96,7 +100,7 @@ class Tiles:
         return found
 
     def find(self, root: Indices, halved: Indices, place: Indices) -> Indices:
-        """Return the indices of tiles by root, halvings and place, shape (n,)."""
+        """Return the indices of tiles, shape (n,), from their `root`, `halved` and `place`."""
         a, b = halved.T
         offset = (root << (a + b)) + (place[:, 0] << b) + place[:, 1]
         square = (a == b).nonzero()[0]
@@ -109,11 +113,12 @@ class Tiles:
         return np.asarray(self.first[a, b] + offset)
 
     def cut(self, tiles: Indices, ways: Indices) -> tuple[Indices, Indices]:
-        """Divide tiles; return the indices of the parts, and the position in `tiles` of the tile of each.
+        """Divide tiles; return the indices of the parts, and for each part the position of its tile in `tiles`.
 
         Args:
             tiles: indices of the tiles, shape (n,).
-            ways: possible direction of division of each, shape (n,), see `ways`; 0 for none.
+            ways: direction in which each tile is divided, shape (n,): `ALONG`, `AROUND`, `BOTH`, or 0 for none. The
+                division must be possible, see the property `ways`.
         """
         parts, owners = [], []
         for way in (ALONG, AROUND, BOTH):
@@ -131,7 +136,7 @@ class Tiles:
         return np.concatenate(parts), np.concatenate(owners)
 
     def squares(self, tiles: Indices) -> tuple[Indices, Indices]:
-        """Return the squares that cover tiles, and the position in `tiles` of the tile of each.
+        """Return the squares that cover tiles, and for each square the position of its tile in `tiles`.
 
         A bar is covered by a row of squares, and a square by itself.
         """
@@ -143,7 +148,12 @@ class Tiles:
         return self.find(self.root[tiles][owner], (self.halved[tiles] + more)[owner], place), owner
 
     def overlap(self, tiles: Indices, others: Indices) -> tuple[Indices, Indices, Array]:
-        """Return pairs of overlapping tiles by their positions, and the share of the first tile in the second."""
+        """Return all pairs of a tile in `tiles` and a tile in `others` that overlap.
+
+        Returns:
+            For each pair, the position in `tiles`, the position in `others`, and the share of the first tile's area
+            that the second one covers, shape (k,) each. Areas are those in the chart.
+        """
         order = np.argsort(self.root[others], kind="stable")
         ranked = self.root[others[order]]
         low, high = (np.searchsorted(ranked, self.root[tiles], side) for side in ("left", "right"))

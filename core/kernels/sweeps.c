@@ -10,8 +10,8 @@
 /* If the forces hardly change any more but the residual is still too large, the limit of their change is multiplied by
    this factor. */
 #define STILLER 0.25
-/* Added to the diagonal of the least-squares matrix of Anderson's weights, as a share of its trace: the matrix is
-   nearly singular if two pairs of sweeps changed the forces in nearly the same way. */
+/* This share of the trace is added to the diagonal of the least-squares matrix for Anderson's weights. Otherwise the
+   matrix is nearly singular if two pairs of sweeps changed the forces in nearly the same way. */
 #define APART 1e-10
 /* With much friction, acceleration may go round in circles. After more than PATIENCE pairs of sweeps without a smaller
    change than before, ALONE pairs are done without acceleration. */

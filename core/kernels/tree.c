@@ -25,10 +25,10 @@ static inline int before(const place *a, const place *b, int axis) {
     return a->triangle < b->triangle;
 }
 
-/* Sort places in part: of places[low .. high - 1], put the smallest along an axis before index `middle`, the rest from
-   it on.
+/* Divide places[low .. high - 1] in two: the places with the smallest coordinates along an axis are put before index
+   `middle`, all others at this index and after it.
 
-   Ties are decided by the triangles' numbers, so the two sets do not depend on the order before. */
+   Equal coordinates are ordered by the triangles' numbers, so the two sets do not depend on the initial order. */
 static void part(place *places, int64_t low, int64_t high, int64_t middle, int axis) {
     uint64_t chance = 0x9e3779b97f4a7c15u;
     for (high--; low < high;) {
@@ -107,8 +107,8 @@ DERMIS_NOINLINE static int32_t split(dermis_tree *tree) {
     return DERMIS_DONE;
 }
 
-/* A box in double precision: its centre [m], unit axes, half its size along each [m], and the length of the sum of its
-   triangles' area vectors, times 2 [m^2]. */
+/* A box in double precision: its centre [m], its unit axes, half its size along each axis [m], and `facing`: twice the
+   length of the sum of its triangles' area vectors [m^2]. */
 typedef struct {
     double middle[3], axis[3][3], half[3], facing;
 } box;
@@ -195,7 +195,7 @@ static void bound_triangle(box *out, const double *row) {
     }
 }
 
-/* Fill in the corners of triangles, and the sum of their area vectors, times 2 [m^2]; return the number of corners. */
+/* Fill in the corners of triangles, and twice the sum of their area vectors [m^2]; return the number of corners. */
 static int corners_of(const double *row, int64_t count, double (*points)[3], double *facing) {
     for (int k = 0; k < 3; k++) facing[k] = 0.0;
     for (int64_t i = 0; i < count; i++, row += DERMIS_ROW) {
@@ -209,7 +209,7 @@ static int corners_of(const double *row, int64_t count, double (*points)[3], dou
     return (int)(3 * count);
 }
 
-/* Fill in the corners of boxes, and the sum of their triangles' area vectors, times 2 [m^2]; return the number of
+/* Fill in the corners of boxes, and twice the sum of their triangles' area vectors [m^2]; return the number of
    corners. */
 static int corners_of_boxes(const box *boxes, int count, double (*points)[3], double *facing) {
     int n = 0;

@@ -1,4 +1,7 @@
-"""Static condensation of a stiffness matrix to the pad nodes, by block-tridiagonal factorisation."""
+"""Static condensation of a stiffness matrix to the pad nodes.
+
+The method is a block-tridiagonal factorisation.
+"""
 
 from __future__ import annotations
 
@@ -121,7 +124,10 @@ def _sweep_back(
     back: Index,
     out: NDArray[np.float32],
 ) -> None:
-    """Solve L' U = Y from the last level to the first, and write U' to `out`, in the order of the caller."""
+    """Solve L' U = Y from the last level to the first, and write U' to `out`.
+
+    The order of forces and nodes in `out` is that of the caller.
+    """
     from scipy.linalg.blas import dgemm, dtrsm
 
     size = len(out)
@@ -138,7 +144,9 @@ def _sweep_back(
 
 
 def breadth_first_levels(matrix: csr_array, pad: Index) -> list[Index]:
-    """Return levels of nodes for which a matrix is block tridiagonal; of several choices, the one of least cost.
+    """Return levels of nodes for which a matrix is block tridiagonal.
+
+    Of several choices, the one for which the factorisation costs least is taken.
 
     Args:
         matrix: sparse matrix with three rows for each node, shape (3 n, 3 n).
@@ -159,7 +167,10 @@ def _node_graph(matrix: csr_array) -> tuple[Index, Index]:
 
 
 def _best_levels(starts: Index, columns: Index, pad: Index) -> list[Index]:
-    """Return the breadth-first levels of least cost, among several distant roots and both orders of the levels."""
+    """Return the breadth-first levels of least cost.
+
+    Several distant roots, and both orders of the levels, are compared.
+    """
     count = len(starts) - 1
     roots: list[int] = []
     levels = _levels(starts, columns, int(np.asarray(pad)[0]))
@@ -182,7 +193,10 @@ def _best_levels(starts: Index, columns: Index, pad: Index) -> list[Index]:
 
 
 def _levels(starts: Index, columns: Index, root: int) -> list[Index]:
-    """Return the nodes in levels of equal distance from a root; unconnected parts follow as further levels."""
+    """Return the nodes in levels of equal distance from a root.
+
+    Parts that are not connected to the root follow as further levels.
+    """
     seen = np.zeros(len(starts) - 1, bool)
     out: list[Index] = []
     front = np.array([root])
@@ -201,7 +215,10 @@ def _levels(starts: Index, columns: Index, root: int) -> list[Index]:
 
 
 def _cost(levels: list[Index], is_pad: NDArray[np.bool_]) -> float:
-    """Return the number of multiplications in factorisation and forward sweep, up to a constant factor."""
+    """Return the cost of factorisation and forward sweep.
+
+    It is the number of multiplications, up to a constant factor.
+    """
     total, active = 0.0, 0
     for i, level in enumerate(levels):
         n = len(level)

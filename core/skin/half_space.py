@@ -1,4 +1,6 @@
-"""Closed-form solutions for forces on an elastic half-space with E = 1, by Boussinesq, Cerruti and Love.
+"""Closed-form solutions for forces on an elastic half-space with E = 1.
+
+The solutions are those of Boussinesq, Cerruti and Love.
 
 The displacement of pieces of skin is computed by compiled code (`core/kernels/half_space.c`). For a point below the
 skin, the surface of the half-space is the tangent plane at the foot of the point, which is the point of the skin above
@@ -26,9 +28,9 @@ STRESS_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, y
 
 
 def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type = np.float64) -> NDArray[Any]:
-    """Return the displacement of pieces of skin for unit forces on other pieces, for E = 1.
+    """Return the displacement of pieces of skin for unit forces on others.
 
-    If field and source are exchanged, the result is transposed, up to rounding errors.
+    It is that of a half-space with E = 1, see `core/kernels/half_space.c`. If field and source are exchanged, the result is transposed, up to rounding errors.
 
     Args:
         field: I pieces whose displacement is computed.
@@ -49,16 +51,19 @@ def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type 
 
 
 def _record(pieces: Patches, kept: list[NDArray[Any]]) -> records.PatchesRecord:
-    """Return a record of pieces for the kernels; the arrays to which it points are added to `kept`."""
+    """Return a record of pieces for the kernels.
+
+    The arrays to which it points are added to `kept`.
+    """
     arrays = [np.ascontiguousarray(v) for v in (pieces.positions, pieces.normals, pieces.sides, pieces.areas)]
     kept += arrays
     return records.PatchesRecord(len(pieces), *map(address, arrays))
 
 
 class Beneath:
-    """Displacement and stress at points below the skin for forces on it, for E = 1.
+    """Displacement and stress at points below the skin for forces on it.
 
-    The nine components at a point are displacement x, y, z and stress xx, yy, zz, yz, xz, xy.
+    Both are for E = 1. The nine components at a point are displacement x, y, z and stress xx, yy, zz, yz, xz, xy.
 
     Args:
         feet: points of the skin above the points [m], shape (k, 3).
@@ -85,10 +90,13 @@ class Beneath:
         return len(self.depths)
 
     def kernel(self, positions: Array) -> Array:
-        """Return displacement [1/m] and stress [1/m^2] for unit forces at points of the skin, shape (k, 9, J, 3).
+        """Return displacement and stress for unit forces at points of the skin.
 
         Args:
             positions: points at which the forces act [m], shape (J, 3).
+
+        Returns:
+            Displacement [1/m] and stress [1/m^2], shape (k, 9, J, 3).
         """
         probe = np.repeat(np.arange(len(self)), len(positions))
         local = _point_force(self._places(probe, np.tile(positions, (len(self), 1))), self.poisson)
@@ -96,7 +104,7 @@ class Beneath:
         return (self._turn @ local.transpose(0, 2, 1, 3).reshape(len(self), 9, -1)).reshape(len(self), 9, -1, 3)
 
     def sum(self, probe: Indices, positions: Array, forces: Array) -> Array:
-        """Return displacement and stress at the points, summed over pairs of a point and a force.
+        """Return displacement and stress, summed over pairs of point and force.
 
         Args:
             probe: index of the point of each pair, shape (n,).
@@ -111,8 +119,9 @@ class Beneath:
         return (self._turn @ total[:, :, None])[:, :, 0]
 
     def _places(self, probe: Indices, positions: Array) -> Array:
-        """Return the points relative to the forces, in the frame of each point's tangent plane [m], shape (n, 3).
+        """Return the points relative to the forces [m], shape (n, 3).
 
+        The axes are those of each point's tangent plane.
         The distance in the plane is the length of the chord from the force to the foot, not that of its projection onto
         the plane. The depth is the point's own.
         """
@@ -124,7 +133,9 @@ class Beneath:
 
 
 def _point_force(place: Array, poisson: float) -> Array:
-    """Return displacement and stress for unit forces at the origin of the half-space z > 0, for E = 1.
+    """Return displacement and stress for unit forces at the origin.
+
+    The half-space is z > 0, with E = 1.
 
     Args:
         place: positions in the half-space [m], shape (n, 3).

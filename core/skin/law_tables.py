@@ -1,4 +1,4 @@
-"""LawTables: neo-Hookean law of a skin's mesh, with its linear response and its residual.
+"""LawTables: neo-Hookean law of a skin's mesh, and solutions by this law.
 
 Forces F on the pad displace tissue with E = 1 by u = K^-1 F - c. K is the stiffness at rest. The correction c is the
 displacement of linear tissue minus that of neo-Hookean tissue. The law holds if K^-1 R(u) = K^-1 F, where R(u) are the
@@ -75,7 +75,11 @@ class LawTables:
         return len(self._free)
 
     def pulled(self, force: Floats32) -> Floats32:
-        """Return the displacement of linear tissue K^-1 F, shape (3 free,), for forces on the pad, shape (3 m,)."""
+        """Return the displacement of linear tissue, K^-1 F, shape (3 free,).
+
+        Args:
+            force: forces F on the pad nodes, shape (3 m,).
+        """
         touched = force.reshape(-1, 3).any(axis=1)
         if 2 * np.count_nonzero(touched) >= len(self.mesh.pad):
             return np.asarray(force @ self._response())
@@ -104,7 +108,11 @@ class LawTables:
         return self.law.forces(self.nodes(moved)).reshape(-1)[self._free]
 
     def nodes(self, moved: Floats32) -> Floats32:
-        """Return the displacement of all nodes, shape (n, 3), from that of the free ones, shape (3 free,)."""
+        """Return the displacement of all nodes, shape (n, 3).
+
+        Args:
+            moved: displacement of the free nodes, shape (3 free,).
+        """
         out = np.zeros(self.mesh.nodes.size, np.float32)
         out[self._free] = moved
         return out.reshape(-1, 3)
@@ -123,7 +131,9 @@ class LawTables:
         self._states.make(key, lambda: moved)
 
     def state(self, force: Floats32, beyond: Floats32) -> Floats32:
-        """Return the displacement for forces and corrections at the pad nodes, kept or computed, shape (3 free,).
+        """Return the displacement of a state, shape (3 free,).
+
+        It is computed unless `remember` has kept it.
 
         Args:
             force: forces on the pad nodes, shape (3 m,).
@@ -132,7 +142,7 @@ class LawTables:
         return self._states.make(force.tobytes() + beyond.tobytes(), lambda: self._held(force, beyond))
 
     def _held(self, force: Floats32, beyond: Floats32) -> Floats32:
-        """Compute the displacement, shape (3 free,), for which the pad has the displacement K^-1 F - c."""
+        """Compute the displacement, shape (3 free,), from that of the pad, K^-1 F - c."""
         start = self.pulled(force)
         start[self.pad] -= beyond
         if len(self._inner):
@@ -140,7 +150,7 @@ class LawTables:
         return self.held(start)[0]
 
     def held(self, start: Floats32, tolerance: float | None = None) -> tuple[Floats32, float]:
-        """Return the displacement in equilibrium for a fixed displacement of the pad, and its residual.
+        """Return the equilibrium for a fixed displacement of the pad.
 
         Args:
             start: initial displacement, whose part on the pad stays as it is, shape (3 free,).
@@ -166,7 +176,7 @@ class LawTables:
         return out, left
 
     def loaded(self, force: Floats32) -> Floats32:
-        """Return the correction c at the pad nodes for forces on them, shape (3 m,).
+        """Return the correction c at the pad nodes, shape (3 m,), for forces.
 
         Tissue may have no stable equilibrium under constant forces. The result is then that of the iterate with the
         least residual.
@@ -186,7 +196,10 @@ class LawTables:
         return beyond[self.pad]
 
     def stress(self, moved: Floats32) -> Array:
-        """Return the Cauchy stress of the elements for E = 1, xx, yy, zz, yz, xz, xy, shape (e, 6)."""
+        """Return the Cauchy stress of the elements for E = 1 Pa [Pa], shape (e, 6).
+
+        The components are xx, yy, zz, yz, xz, xy.
+        """
         return self.law.stress(self.nodes(moved))
 
     def energy(self, moved: Floats32) -> float:
@@ -215,7 +228,7 @@ class LawTables:
 def _relaxed(
     x: Floats32, miss: Callable[[Floats32], tuple[Floats32, Floats32, float]], tolerance: float
 ) -> tuple[Floats32, float]:
-    """Iterate until the residual is within a tolerance; return the best iterate and its residual.
+    """Iterate to a tolerance; return the best iterate and its residual.
 
     Args:
         x: iterate to start from.

@@ -1,4 +1,7 @@
-"""SkinModel: compliance of a fingertip, condensed to the pad nodes and kept in a cache."""
+"""SkinModel: compliance of a fingertip, condensed to its pad nodes.
+
+Skins are computed once and kept in a cache.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ MODEL_VERSION = 1  # part of every cache key; increase it when mesh, assembly or
 
 @dataclass(frozen=True, eq=False)
 class SkinModel:
-    """Model of a fingertip's skin: its linear response, condensed to the pad nodes.
+    """Linear response of a fingertip's skin, condensed to the pad nodes.
 
     Forces act on the skin [N]. Forces and displacements [m] are in the finger's frame, with x, y and z of each pad node
     in the order of `mesh.pad`; forces may have the shape (m, 3) or (3 m,). The methods return displacement, stress and
@@ -100,16 +103,22 @@ class SkinModel:
 
     @cached_property
     def compliance(self) -> Array:
-        """Displacement of the pad nodes for forces on them [m/N], shape (3 m, 3 m)."""
+        """Displacement of the pad nodes for unit forces [m/N], shape (3 m, 3 m)."""
         return self.unit_compliance / self.material.modulus
 
     @cached_property
     def compliance32(self) -> NDArray[np.float32]:
-        """`compliance` in single precision, for iterations whose residual is then verified in double precision."""
+        """`compliance` in single precision.
+
+        It is for iterations whose residual is then verified in double precision.
+        """
         return self.compliance.astype(np.float32)
 
     def with_material(self, *, young: float | None = None, alpha: float | None = None) -> SkinModel:
-        """Return the same skin with another stiffness; tables that do not depend on it are shared."""
+        """Return the same skin with another stiffness.
+
+        Tables that do not depend on the stiffness are shared. None leaves a value as it is.
+        """
         material = replace(
             self.material,
             young=self.material.young if young is None else young,
@@ -137,7 +146,10 @@ class SkinModel:
 
     @cached_property
     def on_nodes(self) -> SkinModel:
-        """The same skin without its smooth surface, so that contact is solved at the nodes of its mesh."""
+        """The same skin without its smooth surface.
+
+        Contact is then solved at the nodes of the mesh.
+        """
         return self._like(shape=None)
 
     def _share(self, other: SkinModel, *tables: str) -> None:
@@ -145,7 +157,7 @@ class SkinModel:
         other.__dict__.update({name: self.__dict__[name] for name in tables if name in self.__dict__})
 
     def pad_displacement(self, force: Floats) -> Array:
-        """Return the displacement of the pad nodes for forces on them [m], shape (m, 3)."""
+        """Return the displacement of the pad nodes for forces [m], shape (m, 3)."""
         return self._pad_displacement(self._force(force)).reshape(-1, 3)
 
     def displacement(self, force: Floats) -> Array:
@@ -177,7 +189,10 @@ class SkinModel:
         return out
 
     def stress(self, force: Floats) -> Array:
-        """Return the stress of each element in the finger's frame [Pa], xx, yy, zz, yz, xz, xy, shape (e, 6)."""
+        """Return the stress of each element [Pa], shape (e, 6).
+
+        The components are xx, yy, zz, yz, xz, xy in the finger's frame.
+        """
         return self.operator.stress(self.displacement(force))
 
     def energy(self, force: Floats) -> float:
@@ -196,14 +211,17 @@ class SkinModel:
 
     @cached_property
     def probes(self) -> Probes:
-        """Probes under the pad nodes at the depths of receptors (0.3, 1.6 and 2.0 mm)."""
+        """Probes below the pad nodes, at the depths of receptors.
+
+        The depths are 0.3, 1.6 and 2.0 mm.
+        """
         return receptor_probes(self.mesh)
 
     @cached_property
     def unit_response(self) -> NDArray[np.float32]:
-        """Displacement of the free nodes, one row for each force on the pad, for E = 1 Pa [1/m], shape (3 m, 3 free).
+        """Displacement of the free nodes for E = 1 Pa [1/m], shape (3 m, 3 free).
 
-        It is read from the cache or computed at its first use.
+        There is one row for each unit force on the pad. The table is read from the cache, or computed at its first use.
         """
         key = cache_key(self.key, "response")
         if self.cache is not None:
@@ -219,11 +237,14 @@ class SkinModel:
 
     @cached_property
     def law(self) -> LawTables:
-        """Tables of the neo-Hookean law on this mesh; all skins with the same `key` share them."""
+        """Tables of the neo-Hookean law on this mesh.
+
+        All skins with the same `key` share them.
+        """
         return _laws.make(self.key, lambda: LawTables(self.mesh, self.material.poisson, lambda: self.unit_response))
 
     def stress_components(self, count: int | None = None, forces: Floats | None = None) -> Array:
-        """Return a matrix W of stress components, whose product W f has the norm of the stress for forces f.
+        """Return a matrix W: W f are stress components for forces f.
 
         The 2-norm of W f equals the volume-weighted L2 norm of the stress, in which shear counts twice [Pa m^1.5]. With
         all 3 m components this is exact. With fewer, W f has the `count` principal components, and its norm is
@@ -255,7 +276,7 @@ class SkinModel:
 
     @cached_property
     def unit_stress(self) -> Array:
-        """Matrix H for which |H f| is the stress norm of forces f, shape (3 m, 3 m).
+        """Matrix H: |H f| is the stress norm for forces f, shape (3 m, 3 m).
 
         It is the same for every E, since the stress for given forces does not depend on E.
         """
@@ -298,7 +319,7 @@ def fingertip_skin(
     element: Element = "anp",
     cache: Cache | None = None,
 ) -> SkinModel:
-    """Return the skin of a parametric fingertip, computed or read from a cache.
+    """Return the skin of a parametric fingertip, computed or from a cache.
 
     Args:
         shape: the fingertip; None for the default lengths.
@@ -319,7 +340,7 @@ def fingertip_skin(
 
 
 def _told(lengths: Mapping[str, float], level: str) -> str:
-    """Return the inputs of a fingertip's mesh as text, from which its key is computed."""
+    """Return the inputs of a fingertip's mesh as text, for its key."""
     if level not in LEVELS:
         raise DermisError("unknown accuracy", where="skin", value=level, limit=", ".join(LEVELS))
     return json.dumps({"shape": dict(lengths), "level": asdict(LEVELS[level])}, sort_keys=True)
@@ -371,9 +392,9 @@ def skin_from_parameters(
 
 
 def is_kept(parameters: Mapping[str, Any], *, level: str, cache: Cache, where: str = "skin") -> bool:
-    """Return whether the skin that parameters describe and its table of responses are in a cache.
+    """Return whether a skin and its table of responses are in a cache.
 
-    For a mesh of the user's own the result is True, because its key cannot be computed before the mesh is read.
+    The skin is the one that `parameters` describe. For a mesh of the user's own the result is True, because its key cannot be computed before the mesh is read.
 
     Raises:
         DermisError: a parameter or the level is unknown, or a value is out of range.

@@ -44,7 +44,10 @@ class Observation:
 
     @classmethod
     def of(cls, given: Array | Observation) -> Observation:
-        """Return an observation as it is, and a matrix of stress components as an observation."""
+        """Return an observation unchanged, or make one of a matrix.
+
+        A matrix gives components of stress.
+        """
         return given if isinstance(given, Observation) else cls(np.asarray(given, np.float64))
 
 
@@ -87,7 +90,10 @@ class Observer:
 
 
 def skin_key(skin: SkinModel) -> str:
-    """Return the key of a skin and its tissue model, which does not depend on E and alpha."""
+    """Return the key of a skin and its tissue model.
+
+    It does not depend on E and alpha.
+    """
     return cache_key(skin.key, "law") if skin.follows_law else skin.key
 
 
@@ -111,9 +117,9 @@ def stress_vector(felt: Stimulus) -> Array:
 
 
 def stress_error(target: Stimulus, made: Stimulus) -> float:
-    """Return the relative error of the stress of `made` in all elements, compared with the stress of `target`.
+    """Return the relative error of the stress of `made` in all elements.
 
-    The error is 0 if the target has no stress.
+    The stress is compared with that of `target`. The error is 0 if the target has no stress.
     """
     if target.skin.follows_law or made.skin.follows_law:
         wanted = stress_vector(target)

@@ -30,7 +30,8 @@ STRESS_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, y
 def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type = np.float64) -> NDArray[Any]:
     """Return the displacement of pieces of skin for unit forces on others.
 
-    It is that of a half-space with E = 1, see `core/kernels/half_space.c`. If field and source are exchanged, the result is transposed, up to rounding errors.
+    It is that of a half-space with E = 1, see `core/kernels/half_space.c`. If field and source are exchanged, the
+    result is transposed, up to rounding errors.
 
     Args:
         field: I pieces whose displacement is computed.
@@ -63,7 +64,7 @@ def _record(pieces: Patches, kept: list[NDArray[Any]]) -> records.PatchesRecord:
 class Beneath:
     """Displacement and stress at points below the skin for forces on it.
 
-    Both are for E = 1. The nine components at a point are displacement x, y, z and stress xx, yy, zz, yz, xz, xy.
+    Young's modulus is 1. The nine components at a point are displacement x, y, z and stress xx, yy, zz, yz, xz, xy.
 
     Args:
         feet: points of the skin above the points [m], shape (k, 3).

@@ -394,7 +394,8 @@ def skin_from_parameters(
 def is_kept(parameters: Mapping[str, Any], *, level: str, cache: Cache, where: str = "skin") -> bool:
     """Return whether a skin and its table of responses are in a cache.
 
-    The skin is the one that `parameters` describe. For a mesh of the user's own the result is True, because its key cannot be computed before the mesh is read.
+    The skin is the one that `parameters` describe. For a mesh of the user's own the result is True, because its key
+    cannot be computed before the mesh is read.
 
     Raises:
         DermisError: a parameter or the level is unknown, or a value is out of range.

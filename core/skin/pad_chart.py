@@ -53,7 +53,10 @@ class Patches:
 
     @cached_property
     def extent(self) -> tuple[Array, Array, Array]:
-        """Shorter side, longer side, and side of a square of equal area of each piece [m], shape (n,) each."""
+        """Shorter side, longer side, and root of the area of each piece [m].
+
+        The shape of each is (n,).
+        """
         lengths = np.linalg.norm(self.sides, axis=2)
         return lengths.min(axis=1), lengths.max(axis=1), np.sqrt(self.areas)
 
@@ -144,7 +147,10 @@ class PadChart:
 
     @cached_property
     def beside(self) -> Indices:
-        """Neighbours of each cell of level 0, by steps of -1, 0 and 1 along and around, shape (n, 3, 3); n for none."""
+        """Neighbours of each cell of level 0, shape (n, 3, 3); n for none.
+
+        The axes are steps of -1, 0 and 1 along the finger and around it.
+        """
         from scipy.spatial import cKDTree
 
         places, halves = self.places[self.base], self.halves[self.base]
@@ -175,15 +181,21 @@ class PadChart:
         return first[:, None] + np.arange(4)
 
     def parent(self, cells: Indices) -> Indices:
-        """Return the parent of each cell, shape (n,); -1 for cells of level 0 and bars."""
+        """Return the parent of each cell, shape (n,).
+
+        It is -1 for cells of level 0 and bars.
+        """
         level = self.levels[cells]
         starts = np.array(self.starts)
         return np.where(level > 0, starts[level - 1] + (cells - starts[level]) // 4, -1)
 
     def descendants(self, cells: Indices, level: int) -> tuple[Indices, Indices]:
-        """Return the cells of a level that cover given cells, and for each its owner: a position in `cells`.
+        """Return the cells of a level that cover given cells.
 
         A given cell of this level, or of a finer one, is returned as it is. Bars are not allowed.
+
+        Returns:
+            The cells, shape (k,), and for each the position in `cells` of the cell in which it lies, shape (k,).
         """
         found, owner = np.asarray(cells), np.arange(len(cells))
         while (coarse := self.levels[found] < level).any():
@@ -194,12 +206,15 @@ class PadChart:
         return found[order], owner[order]
 
     def corners(self, cells: Indices, reach: float = 0.75) -> tuple[Array, Array]:
-        """Return points of the skin [m] and unit normals at four corners of each cell, each shape (n, 4, 3).
+        """Return points [m] and unit normals at the corners of cells.
 
         Args:
             cells: indices of the cells, shape (n,).
             reach: distance of the corners from the centre, in sides of the cell. Above 0.5, the squares between the
                 corners of neighbouring cells overlap, so no object between two cells is missed.
+
+        Returns:
+            Points of the skin and its normals at four corners of each cell, shape (n, 4, 3) each.
         """
         signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
         places = self.places[cells][:, None] + 2 * reach * signs * self.halves[cells][:, None]
@@ -208,11 +223,19 @@ class PadChart:
         return points, vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
     def points(self, places: Array) -> Array:
-        """Return points of the smooth skin [m], shape (n, 3), at places of the chart, shape (n, 2)."""
+        """Return points of the smooth skin [m], shape (n, 3).
+
+        Args:
+            places: places of the chart, shape (n, 2).
+        """
         return _skin(self.shape, places)
 
     def surface(self, places: Array) -> Patches:
-        """Return pieces of the smooth skin at places of the chart, shape (n, 2), whose sides in the chart are 1."""
+        """Return pieces of the smooth skin whose sides in the chart are 1.
+
+        Args:
+            places: centres of the pieces in the chart, shape (n, 2).
+        """
         return _patches(self.shape, places, np.full_like(places, 0.5))
 
     def project(self, points: Array) -> tuple[Array, Array]:
@@ -257,7 +280,10 @@ class PadChart:
 
 
 def _frame(shape: FingertipShape, places: Array) -> tuple[Array, Array, Array]:
-    """Return points of the skin, and its derivatives along and around the finger in the chart, shape (..., 3) each."""
+    """Return points of the skin and its derivatives in the chart.
+
+    The derivatives are those along the finger and around it [m]. The shape of all three is (..., 3).
+    """
 
     def slope(along: float, around: float) -> Array:
         return (_skin(shape, places, along, around) - _skin(shape, places, -along, -around)) / (2 * _STEP)
@@ -266,7 +292,13 @@ def _frame(shape: FingertipShape, places: Array) -> tuple[Array, Array, Array]:
 
 
 def _skin(shape: FingertipShape, places: Array, along: float = 0.0, around: float = 0.0) -> Array:
-    """Return points of the skin [m], shape (..., 3), at places, shape (..., 2), shifted by `along` and `around`."""
+    """Return points of the skin [m], shape (..., 3).
+
+    Args:
+        shape: the fingertip.
+        places: places of the chart, shape (..., 2).
+        along, around: shift of all places along the finger and around it.
+    """
     p = np.exp(-shape.reach)
     plane = np.exp(places[..., 0] + along + 1j * (places[..., 1] + around))
     return shape.skin(p * (plane - 1.0) / (1.0 - p * p * plane))
@@ -290,7 +322,14 @@ def _with_bars(places: Array, halves: Array, starts: Sequence[int]) -> tuple[Arr
 
 
 def quarters(places: Array, halves: Array) -> tuple[Array, Array]:
-    """Return the centres and half the sides of the quarters of squares in the chart, shape (4 n, 2) each."""
+    """Return the centres and half sides of the quarters of squares.
+
+    Args:
+        places, halves: centres and half sides of the squares in the chart, shape (n, 2) each.
+
+    Returns:
+        Centres and half sides of the quarters in the chart, shape (4 n, 2) each.
+    """
     signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
     children = places[:, None] + 0.5 * signs * halves[:, None]
     return children.reshape(-1, 2), np.repeat(0.5 * halves, 4, axis=0)

@@ -66,7 +66,10 @@ def check_mesh(mesh: TetraMesh) -> None:
 
 
 def unsolvable(mesh: TetraMesh, poisson: float) -> DermisError:
-    """Return the error for a mesh whose equations cannot be solved; the error names the worst element."""
+    """Return the error for a mesh whose equations cannot be solved.
+
+    The error names the worst element.
+    """
     corners = mesh.nodes[mesh.tetrahedra]
     longest = np.max([np.linalg.norm(corners[:, j] - corners[:, i], axis=1) for i, j in _PAIRS], axis=0)
     shapes = 6.0 * np.sqrt(2.0) * mesh.volumes / longest**3
@@ -104,7 +107,9 @@ def _check_elements(nodes: Array, tetrahedra: NDArray[np.integer], where: str) -
 
 
 def _check_hanging(nodes: Array, border: NDArray[np.integer], where: str) -> None:
-    """Raise an error if a node lies on an edge of a boundary face without being an end of this edge.
+    """Raise an error if a node lies within an edge of a boundary face.
+
+    The node is then no end of this edge.
 
     Args:
         nodes: positions of the nodes [m], shape (n, 3).

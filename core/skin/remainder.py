@@ -1,4 +1,4 @@
-"""Remainder: difference between the compliance of a fingertip and that of a half-space.
+"""Remainder: compliance of a fingertip minus that of a half-space.
 
 Near a force, skin moves as the surface of a half-space does, for which there is a closed form (`half_space`). Far from
 the force, the displacement depends on bone, nail and shape. The difference between skin and half-space is smooth, so
@@ -44,7 +44,9 @@ _AT_ONCE = 200  # number of rows of large tables that are computed together
 
 @dataclass(frozen=True, eq=False)
 class Remainder:
-    """Displacement and stress for forces on the skin minus those of a half-space, for E = 1.
+    """Displacement and stress for forces on skin, minus a half-space's.
+
+    Both are for E = 1.
 
     Attributes:
         centres: centres of Gaussians of the length `LENGTH` [m], shape (c, 3).
@@ -67,16 +69,23 @@ class Remainder:
         return self.mixing.shape[1]
 
     def functions(self, positions: Array) -> Floats32:
-        """Return the functions phi, shape (n, rank), at points of the skin [m], shape (n, 3)."""
+        """Return the functions phi at points of the skin, shape (n, rank).
+
+        Args:
+            positions: the points [m], shape (n, 3).
+        """
         return (_gaussians(positions, self.centres) @ self.mixing).astype(np.float32)
 
     def below(self, phi_feet: Floats32, depths: Array, moments: Array) -> Array:
-        """Return the remainder of displacement (E = 1) [m] and stress [Pa] below the skin, shape (k, 9).
+        """Return the remainder of displacement and stress below the skin.
 
         Args:
             phi_feet: functions at the feet of the points, shape (k, rank).
             depths: depths of the points [m], shape (k,).
             moments: for each function, sum of the forces weighted with it, phi' f [N], shape (rank, 3).
+
+        Returns:
+            Displacement for E = 1 Pa [m] and stress [Pa], shape (k, 9), see `beneath`.
         """
         low = self.beneath.shape[1]
         fields_ = np.einsum("pkclb,lb->pkc", self.beneath, moments[:low])
@@ -109,7 +118,7 @@ class Remainder:
 def fit_remainder(
     chart: PadChart, mesh: TetraMesh, condensed: Condensed, poisson: float
 ) -> Generator[tuple[int, int], None, Remainder]:
-    """Fit the remainder of a fingertip to its compliance on a fine mesh, step by step.
+    """Fit the remainder of a fingertip to its compliance on a fine mesh.
 
     Args:
         chart: chart of the fingertip.
@@ -154,7 +163,9 @@ def fit_remainder(
 def _fit_beneath(
     mesh: TetraMesh, condensed: Condensed, skin: Patches, phi: Array, poisson: float
 ) -> Generator[tuple[int, int], None, Floats32]:
-    """Fit the remainder at each of the `DEPTHS`, and a polynomial in the depth to the results.
+    """Fit the remainder below the skin.
+
+    It is fitted at each of the `DEPTHS`, and then a polynomial in the depth is fitted to the results.
 
     Args:
         mesh: fine mesh.
@@ -197,9 +208,10 @@ def _fit_beneath(
 
 
 def _reading(mesh: TetraMesh, element: NDArray[Any], weights: Array, poisson: float) -> csr_array:
-    """Return the matrix from the free nodes' displacement to displacement and stress at points, for E = 1.
+    """Return the matrix from nodal displacement to values at points.
 
-    The stress of the elements is averaged at the nodes, and interpolated between them.
+    The nodes are the free ones. The values are displacement and stress for E = 1, nine rows for each point, as in
+    `Beneath`. The stress of the elements is averaged at the nodes, and interpolated between them.
 
     Args:
         mesh: mesh of the tissue.

@@ -1,10 +1,11 @@
-"""Virtual sensor with electrodes in the pulp, after the BioTac: 19 channels of the tissue's compression.
+"""Virtual sensor with electrodes in the pulp, after the BioTac.
 
-The electrodes of the real sensor are on its core. They measure the impedance of the fluid between core and skin, which
-rises if the skin comes nearer. Each virtual electrode reads the relative decrease of the tissue's thickness above it,
-as a weighted mean over the skin nearby. Readings are linear in the skin's displacement, and on linear skin also in the
-contact forces. The positions of the virtual electrodes are this project's own: they are symmetric and cover the same
-part of the finger. All results with them are simulated and must be called virtual.
+It has 19 channels, which measure the compression of the tissue. The electrodes of the real sensor are on its core. They
+measure the impedance of the fluid between core and skin, which rises if the skin comes nearer. Each virtual electrode
+reads the relative decrease of the tissue's thickness above it, as a weighted mean over the skin nearby. Readings are
+linear in the skin's displacement, and on linear skin also in the contact forces. The positions of the virtual
+electrodes are this project's own: they are symmetric and cover the same part of the finger. All results with them are
+simulated and must be called virtual.
 
 Source: [S0] 6 (a BioTac with 19 electrodes as a measurable descriptor of the stimulus)
 """
@@ -52,16 +53,16 @@ class ElectrodeSensor:
 
     @property
     def matrix(self) -> Array:
-        """Matrix from forces on the pad nodes of linear skin to readings [1/N], shape (c, 3 m)."""
+        """Matrix from forces on linear skin to readings [1/N], shape (c, 3 m)."""
         return self.observation.matrix
 
 
 def electrode_sensor(skin: SkinModel, layout: Array = LAYOUT, spread: float = SPREAD) -> ElectrodeSensor:
-    """Return the virtual sensor of a skin; positions of electrodes are relative to the size of its pad.
+    """Return the virtual sensor of a skin.
 
     Args:
         skin: model of the skin.
-        layout: positions as fractions, see `LAYOUT`, shape (c, 2).
+        layout: positions of the electrodes relative to the size of the pad, see `LAYOUT`, shape (c, 2).
         spread: standard deviation of the weights [m].
 
     Raises:
@@ -136,11 +137,14 @@ def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:
 
 
 def noise_of(stimuli: Array) -> float:
-    """Estimate the standard deviation of one channel's noise in a sequence of readings, shape (n, c).
+    """Estimate the standard deviation of one channel's noise.
 
     The estimate uses second differences, which are small for a touch and large for noise. The median over the samples
     is not affected by the few samples in which a touch begins or ends. The result is 0 if there are fewer samples than
     `MIN_SAMPLES`.
+
+    Args:
+        stimuli: sequence of readings, shape (n, c).
     """
     if len(stimuli) < MIN_SAMPLES:
         return 0.0
@@ -149,7 +153,9 @@ def noise_of(stimuli: Array) -> float:
 
 
 def noise_floor_of(noise: float, channels: int) -> float:
-    """Return the norm that the noise of 1 in 30,000 readings of an untouched sensor exceeds.
+    """Return the norm of noise that 1 in 30,000 readings exceeds.
+
+    The readings are those of an untouched sensor.
 
     Args:
         noise: standard deviation of one channel.
@@ -159,7 +165,7 @@ def noise_floor_of(noise: float, channels: int) -> float:
 
 
 def _chi(channels: int, deviations: float) -> float:
-    """Return the quantile of the norm of `channels` standard normal numbers that belongs to a number of deviations.
+    """Return a quantile of the norm of `channels` standard normal numbers.
 
     Its probability is that of a normal number to be at most `deviations` standard deviations above the mean.
 

@@ -1,4 +1,7 @@
-"""FingertipShape: surfaces of a fingertip and of its bone, as smooth functions of a few lengths."""
+"""FingertipShape: smooth surfaces of a fingertip and its bone.
+
+The surfaces are functions of a few lengths.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +100,12 @@ class FingertipShape:
 
     @classmethod
     def scaled(cls, width: float, thickness: float, length: float, **lengths: float) -> FingertipShape:
-        """Return a fingertip with given outer lengths [m]; other lengths that are not given are scaled with them."""
+        """Return a fingertip with given outer lengths [m].
+
+        Args:
+            width, thickness, length: outer lengths, see the class.
+            lengths: other lengths; those that are not given are scaled with the outer ones.
+        """
         base = cls()
         along, across, up = length / base.length, width / base.width, thickness / base.thickness
         own = {
@@ -132,7 +140,11 @@ class FingertipShape:
         return np.stack([x, self.tip * axial, z], axis=-1)
 
     def bone(self, chart: NDArray[np.complex128]) -> Array:
-        """Return points of the bone's surface [m], shape (..., 3), for points of the disk, see `skin`."""
+        """Return points of the bone's surface [m], shape (..., 3).
+
+        Args:
+            chart: points of the closed unit disk, see `skin`, shape (...).
+        """
         radius, angle, axial = self._tube(chart)
         half = 0.5 * self.bone_width
         centre = self.tip - self.bone_margin - half
@@ -157,7 +169,12 @@ class FingertipShape:
         return along & (np.abs(x) <= 0.5 * self.nail_width) & (z > self.height_palm)
 
     def _tube(self, chart: NDArray[np.complex128]) -> tuple[Array, NDArray[np.complex128], Array]:
-        """Return relative radius of the section, direction around the axis (1: palm), axial position (1: tip)."""
+        """Return cylindrical coordinates of points of the disk, see `skin`.
+
+        Returns:
+            Radius relative to the section's; direction around the axis as a complex number, 1 at the palm; axial
+            position in units of `tip`, 1 at the tip. The shape of each is that of the points.
+        """
         # The map is conformal, so that squares stay nearly square. A Moebius map takes the disk to a disk of the
         # plane in which 0 is the tip and 1 the pad's centre. Outside the unit circle, the logarithm of the radius is
         # the position along the finger. Inside, a stereographic projection closes the tip.
@@ -182,7 +199,9 @@ class FingertipShape:
 
 
 def shape_from_parameters(parameters: dict[str, Any], *, where: str = "fingertip") -> FingertipShape:
-    """Return the shape for named lengths [m]; other lengths are scaled, see `FingertipShape.scaled`.
+    """Return the shape of a fingertip for named lengths [m].
+
+    Other lengths are scaled, see `FingertipShape.scaled`.
 
     Raises:
         DermisError: a name is unknown, or lengths do not fit each other.
@@ -196,7 +215,7 @@ def shape_from_parameters(parameters: dict[str, Any], *, where: str = "fingertip
 
 
 def _waist(q2: Array, drop: Array | float) -> Array:
-    """Return the factor by which a section behind the pad's centre is narrowed.
+    """Return the factor that narrows a section behind the pad's centre.
 
     Near the pad's centre, it continues the curvature of the pad up to second order. Far behind, it approaches 1 - drop.
 

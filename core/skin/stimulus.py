@@ -1,4 +1,4 @@
-"""Stimulus: displacement, stress and energy of a skin under contact forces."""
+"""Stimulus: displacement, stress and energy under contact forces."""
 
 from __future__ import annotations
 
@@ -49,7 +49,10 @@ class Stimulus:
 
     @cached_property
     def amounts(self) -> Array | None:
-        """Correction of nonlinear skin [m], see `given`, shape (3 m,); None for linear skin."""
+        """Correction of nonlinear skin, see `given` [m], shape (3 m,).
+
+        None for linear skin.
+        """
         if self.given is not None or not self.skin.follows_law:
             return self.given
         return self.skin.law.loaded(self._load).astype(np.float64)
@@ -88,9 +91,9 @@ class Stimulus:
 
     @cached_property
     def more(self) -> Array | None:
-        """Stress of each element, minus that of linear tissue under the same forces [Pa], shape (e, 6).
+        """Stress of each element, minus that of linear tissue [Pa], shape (e, 6).
 
-        None for linear skin.
+        Both are for the same forces. None for linear skin.
         """
         return self.stress - self.skin.operator.stress(self._linear_displacement) if self._follows else None
 
@@ -98,7 +101,7 @@ class Stimulus:
     def stress(self) -> Array:
         """Stress of each element [Pa], xx, yy, zz, yz, xz, xy, shape (e, 6).
 
-        It is computed on the mesh, with forces on nodes, and is an average over each element. Near the skin,
+        The stress is computed on the mesh, with forces on nodes, and is an average over each element. Near the skin,
         `probe_stress` is more accurate.
         """
         if self._follows:
@@ -107,13 +110,16 @@ class Stimulus:
 
     @cached_property
     def probe_stress(self) -> Array:
-        """Stress at `skin.probes`, at the depths of receptors below the pad nodes [Pa], shape (k, 6)."""
+        """Stress at `skin.probes` [Pa], shape (k, 6).
+
+        These are points below the pad nodes, at the depths of receptors.
+        """
         return self.stress_at(self.skin.probes)
 
     def stress_at(self, probes: Probes) -> Array:
-        """Return the stress at points in the tissue [Pa], xx, yy, zz, yz, xz, xy, shape (k, 6).
+        """Return the stress at points in the tissue [Pa], shape (k, 6).
 
-        If `points` is set, it is the stress of the smooth skin at the same depth, plus the difference that the
+        The components are xx, yy, zz, yz, xz, xy. If `points` is set, it is the stress of the smooth skin at the same depth, plus the difference that the
         nonlinear law makes on the mesh.
 
         Args:
@@ -150,20 +156,26 @@ class Stimulus:
 
     @cached_property
     def moment(self) -> Array:
-        """Moment of the forces, at the rest positions of the nodes, about the pad's centre [N m], shape (3,)."""
+        """Moment of the forces about the pad's centre [N m], shape (3,).
+
+        The forces are taken to act at the rest positions of the nodes.
+        """
         force = np.asarray(self.force, float).reshape(-1, 3)
         return np.cross(self.skin.positions, force).sum(axis=0)
 
     @cached_property
     def pressure(self) -> Array:
-        """Pressure at each pad node: force into the skin, divided by the node's area [Pa], shape (m,)."""
+        """Pressure at each pad node [Pa], shape (m,).
+
+        It is the force into the skin, divided by the node's area.
+        """
         return self._push / self.skin.areas
 
     @cached_property
     def centre_of_pressure(self) -> Array:
-        """Mean of the pad nodes' rest positions, weighted by the force into the skin [m], shape (3,).
+        """Centre of pressure [m], shape (3,); nan without pressure.
 
-        It is nan if no force acts into the skin.
+        It is the mean of the pad nodes' rest positions, weighted by the forces into the skin.
         """
         push = np.maximum(self._push, 0.0)
         total = push.sum()
@@ -175,11 +187,15 @@ class Stimulus:
         return -np.einsum("ij,ij->i", force, self.skin.normals)
 
     def surface_values(self, values: Array) -> Array:
-        """Return values at all nodes for drawing, shape (n, ...), as averages of those of elements, shape (e, ...)."""
+        """Return values at all nodes for drawing, shape (n, ...).
+
+        Args:
+            values: values of the elements, shape (e, ...), which are averaged around each node.
+        """
         return nodal_average(self.skin.mesh, values)
 
     def summary(self) -> dict[str, Any]:
-        """Return the quantities of a frame that are stored in a result file, by name."""
+        """Return the quantities that a result file stores, by name."""
         return {
             "normal_force": float(self._push.sum()),
             "resultant": self.resultant.tolist(),

@@ -119,8 +119,8 @@ class Stimulus:
     def stress_at(self, probes: Probes) -> Array:
         """Return the stress at points in the tissue [Pa], shape (k, 6).
 
-        The components are xx, yy, zz, yz, xz, xy. If `points` is set, it is the stress of the smooth skin at the same depth, plus the difference that the
-        nonlinear law makes on the mesh.
+        The components are xx, yy, zz, yz, xz, xy. If `points` is set, the stress is that of the smooth skin at the same
+        depth, plus the difference that the nonlinear law makes on the mesh.
 
         Args:
             probes: points in this skin's mesh, k in number. If `points` is set, their depths must be known.

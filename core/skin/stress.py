@@ -32,7 +32,7 @@ INSIDE = 1e-9  # a point is in an element if its barycentric coordinates are at 
 
 @dataclass(frozen=True, eq=False)
 class StressOperator:
-    """Operator from nodal displacement to stress, for one mesh, material and element.
+    """Operator from nodal displacement to the stress of elements.
 
     Components of stress are xx, yy, zz, yz, xz, xy in the finger's frame. With averaged nodal pressure, the pressure of
     an element is the mean of the pressures at its nodes, as in the stiffness matrix.
@@ -48,7 +48,7 @@ class StressOperator:
     element: Element = "anp"
 
     def with_material(self, material: Elastic) -> StressOperator:
-        """Return the operator for another material on the same mesh; common tables are shared."""
+        """Return the operator for another material; common tables are shared."""
         other = StressOperator(self.mesh, material, self.element)
         shared = ("geometry", "strain_matrix", "mean", "volumetric_matrix", "weights")
         other.__dict__.update({name: self.__dict__[name] for name in shared if name in self.__dict__})
@@ -61,7 +61,10 @@ class StressOperator:
 
     @cached_property
     def strain_matrix(self) -> csr_array:
-        """Matrix from displacement to the strain tensor of each element, sparse, shape (6 e, 3 n)."""
+        """Matrix from displacement to strain, sparse, shape (6 e, 3 n).
+
+        The rows are the six components of the strain tensor of each element.
+        """
         from scipy.sparse import coo_array
 
         g, tetra = self.geometry.gradients, self.mesh.tetrahedra.astype(np.int64)
@@ -78,7 +81,7 @@ class StressOperator:
 
     @cached_property
     def mean(self) -> csr_array:
-        """Matrix from values of nodes to their mean in each element, sparse, shape (e, n)."""
+        """Matrix from nodal values to their mean in elements, sparse, shape (e, n)."""
         from scipy.sparse import csr_array as csr
 
         count = len(self.mesh.tetrahedra)
@@ -87,7 +90,10 @@ class StressOperator:
 
     @cached_property
     def volumetric_matrix(self) -> csr_array:
-        """Matrix from displacement to div u of each element, averaged over nodes for 'anp', sparse, shape (e, 3 n)."""
+        """Matrix from displacement u to div u of elements, sparse, shape (e, 3 n).
+
+        For 'anp', div u is averaged at the nodes, and then in each element.
+        """
         from scipy.sparse import csr_array as csr
 
         count = len(self.mesh.tetrahedra)
@@ -104,7 +110,11 @@ class StressOperator:
         return (trace @ self.strain_matrix).tocsr()
 
     def stress(self, displacement: Floats) -> Array:
-        """Return the stress of each element [Pa], shape (e, 6), for nodal displacements [m], shape (n, 3)."""
+        """Return the stress of each element [Pa], shape (e, 6).
+
+        Args:
+            displacement: displacement of the nodes [m], shape (n, 3).
+        """
         first, shear = self.material.lame
         u = _flat(displacement)
         out = 2.0 * shear * (self.strain_matrix @ u).reshape(-1, 6)
@@ -115,6 +125,9 @@ class StressOperator:
         """Return the strain energy density of each element [J/m^3], shape (e,).
 
         Its sum, weighted with the volumes, is half the product of forces and displacements.
+
+        Args:
+            displacement: displacement of the nodes [m], shape (n, 3).
         """
         first, shear = self.material.lame
         u = _flat(displacement)
@@ -145,25 +158,40 @@ class StressOperator:
 
     @cached_property
     def weighted_matrix(self) -> csr_array:
-        """`matrix` with scaled rows: its product with a displacement has the volume-weighted L2 norm of the stress."""
+        """`matrix` with weighted rows, sparse, shape (6 e, 3 n).
+
+        The 2-norm of its product with a displacement is the volume-weighted L2 norm of the stress.
+        """
         from scipy.sparse import diags_array
 
         return (diags_array(self.weights.ravel()) @ self.matrix).tocsr()
 
     @cached_property
     def weights(self) -> Array:
-        """Factors for stresses whose 2-norm is then their volume-weighted L2 norm [m^1.5], shape (e, 6)."""
+        """Weights of stress components for the L2 norm [m^1.5], shape (e, 6).
+
+        The 2-norm of stresses multiplied by them is the volume-weighted L2 norm of the stress.
+        """
         return np.sqrt(self.geometry.volumes)[:, None] * _SHEAR_WEIGHT
 
 
 def von_mises(stress: Array) -> Array:
-    """Return the von Mises stress [Pa], shape (...), of stresses [Pa], shape (..., 6)."""
+    """Return the von Mises stress [Pa], shape (...).
+
+    Args:
+        stress: stresses xx, yy, zz, yz, xz, xy [Pa], shape (..., 6).
+    """
     xx, yy, zz, yz, xz, xy = np.moveaxis(stress, -1, 0)
     return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * (yz**2 + xz**2 + xy**2))
 
 
 def stored(stress: Array, material: Elastic) -> Array:
-    """Return the strain energy density of linear tissue [J/m^3], shape (...), for stresses [Pa], shape (..., 6)."""
+    """Return the strain energy density of linear tissue [J/m^3], shape (...).
+
+    Args:
+        stress: stresses xx, yy, zz, yz, xz, xy [Pa], shape (..., 6).
+        material: material of the tissue.
+    """
     square = np.einsum("...i,i->...", stress * stress, _SHEAR_WEIGHT**2)
     trace = stress[..., :3].sum(axis=-1)
     young, poisson = material.modulus, material.poisson
@@ -171,7 +199,12 @@ def stored(stress: Array, material: Elastic) -> Array:
 
 
 def nodal_average(mesh: TetraMesh, values: Array) -> Array:
-    """Return the volume average at each node, shape (n, ...), of values of the elements, shape (e, ...)."""
+    """Return the volume average of elements at each node, shape (n, ...).
+
+    Args:
+        mesh: mesh of the tissue.
+        values: values of the elements, shape (e, ...).
+    """
     count = len(mesh.tetrahedra)
     return (mesh.averaging @ values.reshape(count, -1)).reshape(len(mesh.nodes), *values.shape[1:])
 
@@ -193,13 +226,24 @@ class Probes:
     pad: NDArray[np.int64]
 
     def read(self, values: Array) -> Array:
-        """Return values at the points, shape (k, ...), from values of the elements, shape (e, ...)."""
+        """Return values at the points, shape (k, ...).
+
+        Args:
+            values: values of the elements, shape (e, ...).
+        """
         flat = self.reading @ values.reshape(len(values), -1)
         return np.asarray(flat.reshape(len(self.points), *values.shape[1:]))
 
 
 def receptor_probes(mesh: TetraMesh, depths: Sequence[float] = RECEPTOR_DEPTHS) -> Probes:
-    """Return probes below each pad node at given depths [m], except for points in bone or outside the mesh."""
+    """Return probes below each pad node.
+
+    Points in bone or outside the mesh are left out.
+
+    Args:
+        mesh: mesh of the tissue.
+        depths: depths of the probes below the skin [m].
+    """
     points = (mesh.nodes[mesh.pad][None] - np.asarray(depths)[:, None, None] * mesh.pad_normals[None]).reshape(-1, 3)
     depth = np.repeat(np.asarray(depths, float), len(mesh.pad))
     pad = np.tile(np.arange(len(mesh.pad)), len(depths))
@@ -208,9 +252,15 @@ def receptor_probes(mesh: TetraMesh, depths: Sequence[float] = RECEPTOR_DEPTHS) 
 
 
 def locate(mesh: TetraMesh, points: Array) -> tuple[NDArray[np.int64], Array]:
-    """Return the element that contains each point, shape (k,), and its barycentric coordinates, shape (k, 4).
+    """Find the element that contains each point.
 
-    The index of the element is -1 for a point outside the mesh.
+    Args:
+        mesh: mesh of the tissue.
+        points: the points [m], shape (k, 3).
+
+    Returns:
+        Indices of the elements, shape (k,), -1 for a point outside the mesh; barycentric coordinates of the points in
+        them, shape (k, 4).
     """
     from scipy.spatial import cKDTree
 

@@ -50,7 +50,10 @@ class StressTable:
         self._reach = NEAR * float(self._sides[surface.chart.base].max())
 
     def unknown(self, cells: Indices) -> list[int]:
-        """Return the cells of level 0 that contain given loaded cells, and whose tables are not known yet."""
+        """Return the cells of level 0 whose tables are needed but not known.
+
+        These are cells that contain given loaded cells.
+        """
         parts, _ = self._surface.chart.tiles.squares(cells)
         roots = np.unique(self._surface.chart.tiles.root[parts])
         return [root for root in roots.tolist() if root not in self._known]
@@ -100,7 +103,9 @@ class StressTable:
     def _refine(
         self, out: Array, which: Indices, roots: Indices, total: Array, parts: Indices, at: Indices, force: Array
     ) -> None:
-        """Replace, at near points, the stress of whole cells of level 0 by that of their loaded parts.
+        """Refine the stress of divided cells at near points, in place.
+
+        The stress of a whole cell of level 0 is replaced by that of its loaded parts.
 
         Args:
             out: stress at the points [Pa], shape (k, 6); changed in place.
@@ -139,9 +144,10 @@ class StressTable:
             self._known.update(zip(some, rows.reshape(len(some), 3, -1), strict=True))
 
     def _sum(self, probe: Indices, cells: Indices, force: Array, row: Indices, count: int) -> Array:
-        """Sum the stress of pairs of a point and a cell by rows; return it, shape (count, 6).
+        """Return the stress of pairs of point and cell, summed by rows.
 
-        Cells that are large compared with the point's depth, and near it, are divided.
+        The shape of the result is (count, 6) [Pa]. Cells that are large compared with the point's depth, and near it,
+        are divided.
 
         Args:
             probe, cells: indices of point and cell of each pair, shape (n,) each.
@@ -188,9 +194,9 @@ def _added(
     count: int,
     poisson: float,
 ) -> Array:
-    """Sum the stress of point forces on a half-space by rows; return it [Pa], shape (count, 6).
+    """Return the stress of point forces on a half-space, summed by rows.
 
-    The formulas are those of Boussinesq and Cerruti.
+    The shape of the result is (count, 6) [Pa]. The formulas are those of Boussinesq and Cerruti.
 
     Args:
         frames: axes of the tangent plane at the foot of each point, shape (k, 3, 3).

@@ -1,4 +1,4 @@
-"""SurfaceCompliance: compliance between points of a fingertip's smooth skin, and stress below it.
+"""SurfaceCompliance: compliance of a fingertip's smooth skin.
 
 The displacement for a force is that of a half-space in closed form, plus a smooth remainder of low rank, which was
 fitted to a fine mesh once. The points are centres of cells of the pad's tree. Small cells are used where a touch needs
@@ -34,9 +34,10 @@ Floats = NDArray[np.floating[Any]]
 
 @dataclass(frozen=True, eq=False)
 class SurfaceCompliance:
-    """Compliance between cells of a pad, symmetric positive definite for cells that do not overlap.
+    """Compliance between cells of a pad, and stress below them.
 
-    Forces [N] and displacements [m] are in the finger's frame. Indices of cells are those of the chart.
+    The compliance is symmetric positive definite for cells that do not overlap. Forces [N] and displacements [m] are in
+    the finger's frame. Indices of cells are those of the chart.
 
     Attributes:
         chart: the pad's tree of cells.
@@ -60,7 +61,10 @@ class SurfaceCompliance:
         return self.chart.cells
 
     def with_material(self, *, young: float | None = None, alpha: float | None = None) -> SurfaceCompliance:
-        """Return the same pad with another stiffness; all tables are shared, since they are for E = 1."""
+        """Return the same pad with another stiffness.
+
+        All tables are shared, since they are for E = 1. None leaves a value as it is.
+        """
         young = self.material.young if young is None else young
         alpha = self.material.alpha if alpha is None else alpha
         return self._sharing(replace(self, material=replace(self.material, young=young, alpha=alpha)))
@@ -76,9 +80,10 @@ class SurfaceCompliance:
         return self._sharing(replace(self, spring=self.spring + np.outer(axis, axis) / stiffness))
 
     def rows(self, new: Indices, members: Indices) -> Floats32:
-        """Return the displacement of cells `new` for forces on `members` [m/N], shape (3 new, 3 members).
+        """Return the compliance from cells `members` to cells `new` [m/N].
 
-        The result is in single precision, with a relative error of 1e-6.
+        It is the displacement of `new` for unit forces on `members`, shape (3 new, 3 members). The result is in single
+        precision, with a relative error of 1e-6.
         """
         out = self._rows(new, members)
         out *= np.float32(1.0 / self.material.modulus)
@@ -88,7 +93,10 @@ class SurfaceCompliance:
 
     @cached_property
     def coarse(self) -> RowTable:
-        """Displacement of all p cells of level 0 for unit forces on each, for E = 1; rows for `displaced`."""
+        """Displacement of all p cells of level 0 for unit forces on one of them.
+
+        It is for E = 1. Row i, shape (3, p, 3), is for forces on cell i, see `displaced`.
+        """
         return RowTable(len(self.chart.base), lambda cells: self._rows(cells, self.chart.base), together=8)
 
     def displaced(self, rows: Floats32, force: Floats) -> Array:
@@ -105,7 +113,7 @@ class SurfaceCompliance:
         return moved.reshape(-1, 3) / self.material.modulus + np.sum(force, axis=0, dtype=np.float64) @ self.spring
 
     def _rows(self, new: Indices, members: Indices) -> Floats32:
-        """Return the displacement of cells `new` for forces on `members` for E = 1, shape (new, 3, members, 3)."""
+        """Return `rows` for E = 1 [1/m] and a fixed bone, shape (new, 3, members, 3)."""
         rank, others, phi = self.remainder.rank, self.cells.take(members), self.functions(members).T
         out = np.empty((len(new), 3, len(members), 3), np.float32)
         for start in range(0, len(new), _ROWS_AT_ONCE):
@@ -117,7 +125,10 @@ class SurfaceCompliance:
         return out
 
     def block(self, i: Indices, j: Indices) -> Array:
-        """Return the displacement of cells i for forces on cells j [m/N] in double precision, shape (i, 3, j, 3)."""
+        """Return the compliance from cells j to cells i [m/N], shape (i, 3, j, 3).
+
+        It is computed in double precision.
+        """
         out = surface_kernel(self.cells.take(i), self.cells.take(j), self.material.poisson)
         half = np.tensordot(self.functions(i).astype(np.float64), self.remainder.surface, axes=1)
         out += np.tensordot(half, self.functions(j).astype(np.float64), axes=(2, 1)).transpose(0, 1, 3, 2)
@@ -141,7 +152,10 @@ class SurfaceCompliance:
         return np.concatenate([np.tensordot(part, force, axes=2) for part in parts] or [np.zeros((0, 3))])
 
     def functions(self, cells: Indices) -> Floats32:
-        """Return the remainder's functions at the centres of cells, shape (n, rank); they are computed at first use."""
+        """Return the remainder's functions at the centres of cells, shape (n, rank).
+
+        They are computed at their first use.
+        """
         return self._functions[np.asarray(cells)]
 
     def probes(self, places: Array, depths: Floats | float) -> Probes:
@@ -157,7 +171,7 @@ class SurfaceCompliance:
         return Probes(plane, skin.positions - depths[:, None] * skin.normals, self.remainder.functions(skin.positions))
 
     def beneath(self, probes: Probes, cells: Indices, force: Floats) -> tuple[Array, Array]:
-        """Return displacement [m] and stress xx, yy, zz, yz, xz, xy [Pa] below the skin.
+        """Return displacement and stress below the skin.
 
         The force on a cell that is large compared with a point's depth is distributed evenly over its descendants.
 
@@ -167,7 +181,7 @@ class SurfaceCompliance:
             force: forces on them [N], shape (j, 3).
 
         Returns:
-            Displacement, shape (k, 3), and stress, shape (k, 6).
+            Displacement [m], shape (k, 3), and stress xx, yy, zz, yz, xz, xy [Pa], shape (k, 6).
         """
         force = np.asarray(force, np.float64).reshape(-1, 3)
         moments = self.functions(cells).astype(np.float64).T @ force
@@ -200,9 +214,10 @@ class SurfaceCompliance:
 
     @cached_property
     def _surface(self) -> Floats32:
-        """Matrix D of the remainder in the order for one product per row, shape (rank, 9 rank).
+        """Matrix D of the remainder, reordered, shape (rank, 9 rank).
 
-        The axes are the function at i, the components at i and at j, and the function at j.
+        In this order, one product serves all components of a row. The axes are the function at i, the components at i
+        and at j, and the function at j.
         """
         rank = self.remainder.rank
         return np.ascontiguousarray(self.remainder.surface.transpose(0, 1, 3, 2).reshape(rank, 9 * rank), np.float32)

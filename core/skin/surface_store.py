@@ -1,4 +1,7 @@
-"""Sources of the smooth pad's remainder: shipped files, a cache, and a fit that takes 20 s or more."""
+"""Sources of the smooth pad's remainder: files, a cache and a fit.
+
+Files are shipped for the presets. The fit takes 20 s or more.
+"""
 
 from __future__ import annotations
 
@@ -34,9 +37,10 @@ _pads: Recent[str, SurfaceCompliance] = Recent(10)  # enough for the fingers of 
 
 
 def remainder_key(shape: FingertipShape, poisson: float) -> str:
-    """Return the key of a remainder, which depends only on the shape and Poisson's ratio.
+    """Return the key of a remainder.
 
-    Lengths are rounded to a nanometre, so that a length has the same key in metres and in millimetres.
+    It depends only on the shape and Poisson's ratio. Lengths are rounded to a nanometre, so that a length has the same
+    key in metres and in millimetres.
     """
     lengths = json.dumps(asdict(_rounded(shape)), sort_keys=True)
     return cache_key(f"dermis-remainder {REMAINDER_VERSION}", lengths, repr(round(poisson, 6)))
@@ -54,7 +58,7 @@ def shipped_name(shape: FingertipShape, poisson: float) -> str:
 def find_remainder(
     shape: FingertipShape, poisson: float, *, shipped: Path | None = None, cache: Cache | None = None
 ) -> Remainder | None:
-    """Return a remainder from the shipped files or the cache; None if there is none.
+    """Return a remainder from shipped files or the cache; None for none.
 
     Args:
         shape: the fingertip.
@@ -77,7 +81,7 @@ def find_remainder(
 def make_remainder(
     shape: FingertipShape, poisson: float, level: str = QUICK, *, cache: Cache | None = None
 ) -> Generator[tuple[int, int], None, Remainder]:
-    """Fit the remainder of a fingertip to a fine mesh, and store it in the cache.
+    """Fit the remainder of a fingertip, and store it in the cache.
 
     Args:
         shape: the fingertip.
@@ -128,7 +132,10 @@ def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
 
 
 def _chart(shape: FingertipShape, cache: Cache | None) -> PadChart:
-    """Return the chart of a shape, with its neighbours from the cache: finding them would import a large library."""
+    """Return the chart of a shape.
+
+    Its neighbours are read from the cache, because finding them would import a large library.
+    """
     chart = PadChart.of(shape)
     key = cache_key(f"dermis-chart {CHART_VERSION}", version(), repr(shape), repr(CELL_SIDES))
 
@@ -141,7 +148,12 @@ def _chart(shape: FingertipShape, cache: Cache | None) -> PadChart:
 
 
 def no_smooth_pad(skin: SkinModel, name: str) -> Finding:
-    """Return the finding for a finger, called `name`, whose skin has no smooth pad."""
+    """Return the finding for a finger whose skin has no smooth pad.
+
+    Args:
+        skin: the finger's skin.
+        name: name of the finger.
+    """
     what = "contact is solved at the nodes of the skin's mesh, which edges and small things slip between"
     if skin.shape is None:
         why, remedy = "a mesh of one's own has no smooth skin", "Use a finer mesh, or a fingertip of lengths"
@@ -154,7 +166,9 @@ def no_smooth_pad(skin: SkinModel, name: str) -> Finding:
 def surface_compliance(
     parameters: Mapping[str, Any], *, shipped: Path | None = None, cache: Cache | None = None, where: str = "skin"
 ) -> SurfaceCompliance | None:
-    """Return the smooth pad of the skin that parameters describe; None if the skin has none, see `smooth_pad`.
+    """Return the smooth pad of the skin that parameters describe.
+
+    None if the skin has no smooth pad, or its remainder is not found, see `smooth_pad`.
 
     Args:
         parameters: as for `skin_from_parameters`.

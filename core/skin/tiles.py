@@ -65,26 +65,33 @@ class Tiles:
 
     @cached_property
     def bars(self) -> tuple[tuple[int, int], ...]:
-        """Numbers of halvings of both sides, for all kinds of bars that this chart has."""
+        """Numbers of halvings of both sides, for all bars of this chart."""
         return tuple(bar for bar in BARS if max(bar) < self.levels)
 
     def sizes(self, tiles: Indices) -> Indices:
-        """Return the sides of tiles as multiples of a finest square's, along and around the finger, shape (n, 2)."""
+        """Return the sides of tiles in sides of the finest squares, shape (n, 2).
+
+        The first side is along the finger, the second around it.
+        """
         return np.asarray((1 << (self.levels - 1)) >> self.halved[tiles])
 
     @cached_property
     def quarters(self) -> NDArray[np.int16]:
-        """Finest squares at the centres of each tile's quarters, by their index in the root, shape (n, 4)."""
+        """Finest squares at the centres of each tile's quarters, shape (n, 4).
+
+        A square is given by its index in the root.
+        """
         size, side = self.sizes(np.arange(self.count)), 1 << (self.levels - 1)
         rows, columns = ((self.place * size)[:, k, None] + size[:, k, None] * [1, 3] // 4 for k in (0, 1))
         return (rows[:, :, None] * side + columns[:, None]).reshape(-1, 4).astype(np.int16)
 
     @cached_property
     def ways(self) -> Indices:
-        """Possible direction of division for each number of halvings and wanted direction, shape (l, l, 4).
+        """Possible direction of division for each wanted one, shape (l, l, 4).
 
-        It differs from the wanted direction if a division in that direction would give tiles that do not exist. It is 0
-        if no direction is possible or wanted.
+        The axes are the numbers of halvings of both sides, and the wanted direction. The possible direction differs
+        from the wanted direction if a division in that direction would give tiles that do not exist. It is 0 if no
+        direction is possible or wanted.
         """
         n = self.levels
         found = np.zeros((n, n, 4), dtype=np.int64)
@@ -100,7 +107,7 @@ class Tiles:
         return found
 
     def find(self, root: Indices, halved: Indices, place: Indices) -> Indices:
-        """Return the indices of tiles, shape (n,), from their `root`, `halved` and `place`."""
+        """Return the indices of tiles, shape (n,), by root, halvings and place."""
         a, b = halved.T
         offset = (root << (a + b)) + (place[:, 0] << b) + place[:, 1]
         square = (a == b).nonzero()[0]
@@ -113,12 +120,15 @@ class Tiles:
         return np.asarray(self.first[a, b] + offset)
 
     def cut(self, tiles: Indices, ways: Indices) -> tuple[Indices, Indices]:
-        """Divide tiles; return the indices of the parts, and for each part the position of its tile in `tiles`.
+        """Divide tiles; return the parts, and the tile of each part.
 
         Args:
             tiles: indices of the tiles, shape (n,).
             ways: direction in which each tile is divided, shape (n,): `ALONG`, `AROUND`, `BOTH`, or 0 for none. The
                 division must be possible, see the property `ways`.
+
+        Returns:
+            Indices of the parts, shape (k,), and for each part the position of its tile in `tiles`, shape (k,).
         """
         parts, owners = [], []
         for way in (ALONG, AROUND, BOTH):
@@ -136,9 +146,12 @@ class Tiles:
         return np.concatenate(parts), np.concatenate(owners)
 
     def squares(self, tiles: Indices) -> tuple[Indices, Indices]:
-        """Return the squares that cover tiles, and for each square the position of its tile in `tiles`.
+        """Return the squares that cover tiles, and the tile of each square.
 
         A bar is covered by a row of squares, and a square by itself.
+
+        Returns:
+            Indices of the squares, shape (k,), and for each square the position of its tile in `tiles`, shape (k,).
         """
         more = self.halved[tiles].max(axis=1, keepdims=True) - self.halved[tiles]
         number = 1 << more.sum(axis=1)
@@ -148,7 +161,7 @@ class Tiles:
         return self.find(self.root[tiles][owner], (self.halved[tiles] + more)[owner], place), owner
 
     def overlap(self, tiles: Indices, others: Indices) -> tuple[Indices, Indices, Array]:
-        """Return all pairs of a tile in `tiles` and a tile in `others` that overlap.
+        """Return the pairs of tiles in `tiles` and `others` that overlap.
 
         Returns:
             For each pair, the position in `tiles`, the position in `others`, and the share of the first tile's area

@@ -1,4 +1,4 @@
-"""The compiled part of the engine: small kernels in C, their build, and their loader.
+"""The compiled part of the engine: kernels in C, their build and loader.
 
 `building.py` has sources, flags and platforms. `library.py` finds the compiled file and checks it. `records.py` mirrors
 the records of `kernels.h`. A kernel takes one record that points to arrays of Python; it allocates no memory, and keeps

@@ -81,7 +81,10 @@ def digest() -> str:
 
 
 def stem(target: str) -> str:
-    """Return the beginning of the name of a platform's library; the digest of its content follows it."""
+    """Return the beginning of the file name of a platform's library.
+
+    The digest of the content and the suffix follow it.
+    """
     return f"dermis-{target}-{digest()}-"
 
 
@@ -91,14 +94,17 @@ def of_content(content: bytes) -> str:
 
 
 def found(target: str, folder: Path) -> Path | None:
-    """Return the path of a platform's library of these sources in a folder; None if there is none."""
+    """Return the path of a platform's library in a folder; None for none.
+
+    A library of other sources or flags does not count.
+    """
     return next(iter(sorted(folder.glob(f"{stem(target)}*{TARGETS[target].suffix}"))), None)
 
 
 def whole(path: Path) -> bool:
-    """Return whether a library can be read, and whether its content has the digest in its name.
+    """Return whether a library can be read and is complete.
 
-    Loading an incomplete library would end the process.
+    Its content must have the digest in its name. Loading an incomplete library would end the process.
     """
     try:
         return path.stem.endswith(f"-{of_content(path.read_bytes())}")
@@ -107,14 +113,15 @@ def whole(path: Path) -> bool:
 
 
 def defined() -> str:
-    """Return the compiler flag that puts the digest of the sources into the library."""
+    """Return the compiler flag that puts the digest into the library."""
     return f'-DDERMIS_SOURCES="{digest()}"'
 
 
 def build(target: str, folder: Path, zig: list[str], cache: Path | None = None) -> Path:
-    """Return the path of a platform's library in a folder; compile it if it is missing or damaged.
+    """Return the path of a platform's library, compiled if necessary.
 
-    After a compilation, all other libraries of the platform are removed from the folder.
+    It is compiled if it is missing in the folder, or damaged. All other libraries of the platform are then removed from
+    the folder.
 
     Args:
         target: Blender's name of the platform.
@@ -137,7 +144,7 @@ def build(target: str, folder: Path, zig: list[str], cache: Path | None = None) 
 
 
 def remove(target: str, folder: Path, kept: str = "") -> None:
-    """Remove a platform's libraries from a folder, except for the one with the name `kept`."""
+    """Remove a platform's libraries from a folder, except for `kept`."""
     for old in folder.glob(f"dermis-{target}-*{TARGETS[target].suffix}"):
         if old.name != kept:
             old.unlink(missing_ok=True)

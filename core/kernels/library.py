@@ -31,7 +31,9 @@ REMEDY = (
 
 
 class Kernels:
-    """Functions of a library that fits this engine; each takes one record and returns a status.
+    """Functions of a library that fits this engine.
+
+    Each function takes one record and returns a status.
 
     Args:
         path: path of the library.
@@ -96,7 +98,10 @@ def kernels() -> Kernels:
 
 
 def have_kernels() -> bool:
-    """Return whether the kernels for this platform can be loaded; they are loaded if so."""
+    """Return whether the kernels for this platform can be loaded.
+
+    They are loaded if they can be.
+    """
     return not isinstance(_loaded(), DermisError)
 
 
@@ -116,7 +121,9 @@ def _loaded() -> Kernels | DermisError:
 
 
 def find(target: str, folders: list[Path]) -> Path:
-    """Return the path of a platform's library in the first of some folders that contains it.
+    """Return the path of a platform's library.
+
+    The first of the folders that contains a library is used.
 
     Raises:
         DermisError: the platform is not supported, no folder contains the library, or it is damaged.
@@ -150,9 +157,9 @@ def find(target: str, folders: list[Path]) -> Path:
 
 
 def loaded_copy(path: Path, folder: Path) -> Kernels:
-    """Load a copy of a library from a folder, and remove copies of other versions that no process has loaded.
+    """Load a copy of a library from a folder, and remove older copies.
 
-    The copy is made if it is missing or damaged. It has the name of the original, with the digest of the content.
+    Copies that another process has loaded cannot be removed. The copy is made if it is missing or damaged. It has the name of the original, with the digest of the content.
 
     Args:
         path: path of the original.
@@ -176,7 +183,10 @@ def loaded_copy(path: Path, folder: Path) -> Kernels:
 
 
 def _function(function: Any) -> Callable[[Any], int]:
-    """Declare a function of the library, which takes a pointer to one record and returns a status; return it."""
+    """Declare a function of the library, and return it.
+
+    It takes a pointer to one record, and returns a status.
+    """
     function.restype, function.argtypes = ctypes.c_int32, (ctypes.c_void_p,)
     called: Callable[[Any], int] = function
     return called
@@ -188,7 +198,10 @@ def _folders() -> list[Path]:
 
 
 def _folder_of_copies() -> Path | None:
-    """Return the folder for copies; None to load the original, since only Windows locks a loaded file."""
+    """Return the folder for copies; None to load the original.
+
+    Without the environment variable, copies are used only on Windows, which locks a loaded file.
+    """
     if named := os.environ.get(COPIES):
         return Path(named)
     local = os.environ.get("LOCALAPPDATA")

@@ -1,4 +1,7 @@
-"""The records that kernels take, with the same fields as in `kernels.h`, which describes them."""
+"""The records that kernels take.
+
+Their fields are those of `kernels.h`, which describes them.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,10 @@ DONE, BAD_RECORD, NOT_FINITE = 0, 1, 2
 
 
 def address(array: NDArray[Any]) -> int:
-    """Return the address of a contiguous array, which must exist as long as a record points to it."""
+    """Return the address of the data of a contiguous array.
+
+    The array must exist as long as a record points to it.
+    """
     return int(array.__array_interface__["data"][0])
 
 

@@ -1,4 +1,4 @@
-"""Commands for `pip install .`: compile the library of the kernels, and put it into the wheel.
+"""Commands for `pip install .`, which compile the kernels for the wheel.
 
 `pyproject.toml` names both classes. pip installs the compiler, the package `ziglang`, for the build. In an editable
 install, the library is beside this file, as in a checkout.
@@ -38,7 +38,10 @@ class BuildWithKernels(build_py):
 
 
 class WheelOfPlatform(bdist_wheel):
-    """Tag the wheel for its platform and any version of Python 3: the library does not depend on the version."""
+    """Tag the wheel for its platform and any version of Python 3.
+
+    The library does not depend on the version.
+    """
 
     def get_tag(self) -> tuple[str, str, str]:
         """Return the wheel's tags for Python, ABI and platform."""

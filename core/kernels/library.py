@@ -157,9 +157,10 @@ def find(target: str, folders: list[Path]) -> Path:
 
 
 def loaded_copy(path: Path, folder: Path) -> Kernels:
-    """Load a copy of a library from a folder, and remove older copies.
+    """Load a copy of a library, and remove copies of other versions.
 
-    Copies that another process has loaded cannot be removed. The copy is made if it is missing or damaged. It has the name of the original, with the digest of the content.
+    Copies that another process has loaded cannot be removed. The copy to load is made if it is missing or damaged. It
+    has the name of the original, with the digest of the content.
 
     Args:
         path: path of the original.

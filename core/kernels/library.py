@@ -25,8 +25,8 @@ from . import COPIES, building, records
 CODE = "no-kernels"
 PACKAGE = "dermis_kernels"
 REMEDY = (
-    "Install Dermis anew, the zip for this platform or by pip; in a checkout run 'python3 build_addon.py kernels'. "
-    "Devices without a skin work without them"
+    "Install Dermis again, the zip for this platform or by pip; in a checkout run 'python3 build_addon.py kernels'. "
+    "Devices without a skin do not need the kernels"
 )
 
 
@@ -133,7 +133,7 @@ def find(target: str, folders: list[Path]) -> Path:
             "there are no compiled kernels for this platform",
             where=target,
             limit=", ".join(building.TARGETS),
-            remedy="Devices without a skin work without them",
+            remedy="Devices without a skin do not need the kernels",
             code=CODE,
         )
     for folder in folders:

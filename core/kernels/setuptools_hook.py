@@ -28,7 +28,7 @@ class BuildWithKernels(build_py):
         super().run()
         target = building.this_platform()
         if target not in building.TARGETS:
-            self.warn(f"there are no compiled kernels for {target}: skins will refuse to work, other devices will not")
+            self.warn(f"there are no compiled kernels for {target}: skins will not work; devices without a skin will")
             return
         library = building.build(target, building.FOLDER, [sys.executable, "-m", "ziglang"])
         if not self.editable_mode:

@@ -264,7 +264,9 @@ class SkinModel:
         size = 3 * self.pad_count
         count = size if count is None else count
         if not 1 <= count <= size:
-            raise DermisError("as many components as there are", where="skin stress", value=count, limit=f"1 to {size}")
+            raise DermisError(
+                "the number of components is out of range", where="skin stress", value=count, limit=f"1 to {size}"
+            )
         root = self.unit_stress
         samples = root if forces is None else root @ np.asarray(forces, np.float64).reshape(-1, size).T
         from scipy.linalg import eigh

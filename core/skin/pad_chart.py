@@ -98,7 +98,9 @@ class PadChart:
             DermisError: the number of levels is out of range.
         """
         if not 1 <= levels <= len(CELL_SIDES):
-            raise DermisError("no such number of levels", where="pad", value=levels, limit=f"1 to {len(CELL_SIDES)}")
+            raise DermisError(
+                "the number of levels is out of range", where="pad", value=levels, limit=f"1 to {len(CELL_SIDES)}"
+            )
         side = CELL_SIDES[0]
         # The cells are squares on the skin near the pad's centre. A unit of the chart there has the length `tip` along
         # the finger, and the mean half size of the section around it.
@@ -266,10 +268,10 @@ class PadChart:
                 return places, np.einsum("ij,ij->i", self.surface(places).positions - points, normals)
         lost = int(np.abs(step).max(axis=1).argmax())
         raise DermisError(
-            "a point lies under no single place of the skin",
+            "the nearest place of the skin is not unique for a point",
             where="pad",
             value=f"{np.round(points[lost] * 1e3, 3).tolist()} mm",
-            remedy="Ask nearer to the skin of the pad",
+            remedy="Choose points nearer to the skin of the pad",
         )
 
     def with_levels(self, levels: int) -> PadChart:

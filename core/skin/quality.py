@@ -80,8 +80,8 @@ def unsolvable(mesh: TetraMesh, poisson: float) -> DermisError:
         where=f"skin mesh '{mesh.name}'",
         value=f"element {worst} at ({x:.2f}, {y:.2f}, {z:.2f}) mm has {shapes[worst]:.1g} of a regular one's volume, "
         f"sizes differ by a factor of {longest.max() / longest.min():.3g}, Poisson's ratio is {poisson:g}",
-        limit="no slivers, like sizes, Poisson's ratio up to 0.499",
-        remedy="Mesh the volume again with elements of like size and shape",
+        limit="no slivers, similar sizes, Poisson's ratio up to 0.499",
+        remedy="Mesh the volume again with elements of similar size and shape",
     )
 
 

@@ -123,7 +123,7 @@ def read_stimuli(path: Path, channels: int) -> tuple[Array, Array]:
         times, stimuli = times.astype(np.float64), stimuli.astype(np.float64)
     if times.ndim != 1 or stimuli.ndim != 2 or stimuli.shape != (len(times), channels) or len(times) == 0:
         raise DermisError(
-            "the stimuli have another shape",
+            "the stimuli do not have the expected shape",
             where=where,
             value=stimuli.shape,
             limit=f"(n, {channels}) after the times, separated by commas",

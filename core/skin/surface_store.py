@@ -154,9 +154,12 @@ def no_smooth_pad(skin: SkinModel, name: str) -> Finding:
         skin: the finger's skin.
         name: name of the finger.
     """
-    what = "contact is solved at the nodes of the skin's mesh, which edges and small things slip between"
+    what = "contact is solved at the nodes of the skin's mesh; edges and small objects can pass between them"
     if skin.shape is None:
-        why, remedy = "a mesh of one's own has no smooth skin", "Use a finer mesh, or a fingertip of lengths"
+        why, remedy = (
+            "only a fingertip that is described by lengths has a smooth skin",
+            "Use a finer mesh, or describe the fingertip by its lengths",
+        )
     else:
         why = "these lengths, or this Poisson's ratio, have no table of the smooth skin yet"
         remedy = "Let Blender make it, which takes some 20 s once, or use a preset's lengths"

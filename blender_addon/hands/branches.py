@@ -12,7 +12,7 @@ import numpy as np
 
 from .._core import Array
 from .bone_names import FINGERS, Label, is_foot, labels, side_of
-from .skeleton import Bone, Chain, Hand, ancestors, ended, joints
+from .skeleton import Bone, Chain, Hand, ancestors, ended, joints, wrist_at
 
 _FEWEST, _MOST = 3, 5  # least and largest number of fingers of a hand
 # Share of the distance from a parent's head to its farthest child; a nearer child without children is a helper.
@@ -79,7 +79,7 @@ def _readings(
     side = next(iter(dict(sides.most_common(1))), "") or next(filter(None, map(side_of, ancestors(bones, palm))), "")
     for marked in (False, True):
         chains = [ended(names, weighted, marked and len(names) > 2) for names in below]
-        for fingers in _assignments(bones, bones[palm].head, chains, said):
+        for fingers in _assignments(bones, palm, chains, said):
             yield Hand(side, palm, {finger: fingers[finger] for finger in FINGERS if finger in fingers}, "branches")
 
 
@@ -128,7 +128,7 @@ def _bones(bones: Mapping[str, Bone], children: Mapping[str, list[str]], leaf: s
 
 
 def _assignments(
-    bones: Mapping[str, Bone], palm: Array, chains: list[Chain], said: Mapping[str, Label]
+    bones: Mapping[str, Bone], palm: str, chains: list[Chain], said: Mapping[str, Label]
 ) -> Iterator[dict[str, Chain]]:
     """Yield possible assignments of chains to fingers.
 
@@ -140,7 +140,9 @@ def _assignments(
     if len(named) == len(chains):
         yield named
     lines = [joints(bones, chain) for chain in chains]
-    away = _angles_away(palm, lines)
+    start = wrist_at(bones, palm, chains)
+    assert start is not None
+    away = _angles_away(start, lines)
     rows: list[tuple[int, ...]] = []  # chains from the thumb to the little finger
     for thumb in sorted(range(len(chains)), key=lambda i: -away[i])[:2]:
         across = _in_line(lines, [i for i in range(len(chains)) if i != thumb])

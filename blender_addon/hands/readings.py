@@ -17,7 +17,7 @@ import numpy as np
 from .._core import Array
 from .bone_names import FINGERS, Label, labels
 from .branches import branched_hands, opposes
-from .skeleton import LIKELY, PHALANGES, Bone, Chain, Hand, ancestors, joints, named_hands
+from .skeleton import LIKELY, PHALANGES, Bone, Chain, Hand, ancestors, joints, named_hands, wrist_at
 
 # Parts of a score. A finger has that of its number of bones, and these.
 _NAMED = 1.0  # for bones that all have the finger's name
@@ -83,7 +83,7 @@ class _Judge:
     def judged(self, hand: Hand) -> Hand:
         """Return a hand with its score and the number of its named fingers."""
         lines = {finger: joints(self.bones, chain) for finger, chain in hand.chains.items()}
-        wrist = self.bones[hand.wrist].head if hand.wrist else None
+        wrist = wrist_at(self.bones, hand.wrist, hand.chains.values())
         named = {finger: self._named(finger, chain) for finger, chain in hand.chains.items()}
         score = sum(
             self._finger(finger, chain, lines[finger], wrist) + _NAMED * named[finger]

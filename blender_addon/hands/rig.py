@@ -14,7 +14,7 @@ from .bone_names import LEFT, RIGHT
 from .bound_skin import BoundSkin, bound_skin, own_skin
 from .nails import Nails, curl, nails
 from .readings import found_hands
-from .skeleton import Bone, Chain, Hand, ancestors, joints
+from .skeleton import Bone, Chain, Hand, ancestors, joints, wrist_at
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Rig:
         side = hand.side
         if self.armatures[0].matrix_world.determinant() < 0.0:  # a mirrored right hand is a left one
             side = {LEFT: RIGHT, RIGHT: LEFT}.get(side, side)
-        return nails(lines, self.bones[hand.wrist].head if hand.wrist else None, side, bends)
+        return nails(lines, wrist_at(self.bones, hand.wrist, hand.chains.values()), side, bends)
 
     def move(self, bone: str) -> Array:
         """Return the matrix from the rest of a bone to its pose, shape (4, 4)."""

@@ -18,6 +18,7 @@ PHALANGES = 3  # number of bones of a finger; earlier bones lie in the palm
 LIKELY = (0.35, 1.7)  # likely range of the length of a phalanx over the length of the one before it
 _STRAIGHT = 0.3  # least cosine between the last two phalanges; below it, an importer has made up the end of the bone
 _DISTAL = 0.8  # length of a last phalanx over that of the one before it, if its end is made up
+_ONE_PLACE = 0.02  # share of the distance to the fingertips; bones that begin nearer to one another begin at one place
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,27 @@ def joints(bones: Mapping[str, Bone], chain: Chain) -> Array:
     if ahead > 0.0 and (bent or not LIKELY[0] * ahead < length < LIKELY[1] * ahead):
         own = _DISTAL * before
     return np.vstack([heads, last.head + own])
+
+
+def wrist_at(bones: Mapping[str, Bone], palm: str, chains: Collection[Chain]) -> Array | None:
+    """Return where the wrist of some fingers is, shape (3,); None without a palm's bone.
+
+    It is the head of the palm's bone. If all bones on it that lead to the fingers begin at one place, it is that place:
+    then the palm's bone may be a forearm, which begins at the elbow.
+    """
+    if not palm:
+        return None
+    firsts: set[str] = set()
+    for chain in chains:
+        above = ancestors(bones, chain.bones[0])
+        if palm not in above[1:]:
+            return bones[palm].head
+        firsts.add(above[above.index(palm) - 1])
+    starts = np.array([bones[name].head for name in sorted(firsts)])
+    start: Array = starts.mean(axis=0)
+    reach = np.mean([np.linalg.norm(bones[chain.last].head - start) for chain in chains])
+    together = len(firsts) > 1 and np.linalg.norm(starts - start, axis=1).max() < _ONE_PLACE * reach
+    return start if together else bones[palm].head
 
 
 def named_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> list[Hand]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 
 import bpy
 import numpy as np
@@ -14,6 +15,7 @@ from .bone_names import side_of
 from .skeleton import Bone, Hand, ancestors
 
 _PARTS = ("MESH", "EMPTY")  # types of the objects that form a robot's hand without an armature
+_BEYOND = 1.2  # share of the distance to the middle of a body; an empty nearer to the origin marks no end of it
 _PALM = ":"  # key of the made-up bone that carries several armatures; no other bone has this key
 
 
@@ -73,43 +75,67 @@ def bones_of_parts(
     """Return links as bones, by name, and the link of each mesh.
 
     A bone begins at the origin of its link and ends at the origin of its only child, else at the far end of its body. A
-    mesh without children whose parent is an empty is the body of that empty, as importers of robots make them. An empty
-    without a body marks the end of a last link if it lies beyond it; other such empties are left out.
+    mesh whose parent is an empty, and that carries no other mesh, is the body of that empty, as importers of robots
+    make them; what it carries then hangs on that empty. If several such meshes of an empty carry something, they are
+    links. An empty without a body marks the end of a last link if it lies beyond it; other such empties are left out.
     """
     names = {part.name: part for part in parts}
-    body = {part.name: part.name for part in parts if part.type == "MESH"}
-    for name in body:
-        above = names[name].parent
-        if above is not None and above.name in names and above.type == "EMPTY" and not _carried(names[name], names):
-            body[name] = above.name
+    body = _bodies(names)
     links = {name: part for name, part in names.items() if body.get(name, name) == name}
-    solid = set(body.values())
-    for name in _frames(links, solid):
-        del links[name]
+    above = {name: _above(part, body) for name, part in links.items()}
+    above = {name: parent if parent in links else "" for name, parent in above.items()}
+    own: dict[str, list[str]] = defaultdict(list)
+    for mesh, owner in body.items():
+        own[owner].append(mesh)
+    middle = {name: np.mean([_middle(names[mesh]) for mesh in meshes], axis=0) for name, meshes in own.items()}
+    for name in _frames(links, above, middle):
+        del links[name], above[name]
+    carried = _carried(above)
     at = {name: np.array(part.matrix_world.translation, np.float64) for name, part in links.items()}
-    middles: dict[str, Array] = {}
-    for name, part in links.items():
-        own = [names[mesh] for mesh, owner in body.items() if owner == name]
-        middle = np.mean([_middle(mesh) for mesh in own], axis=0) if own else at[name]
-        above = part.parent
-        last = above is not None and above.name in links and not _carried(part, links)
-        if own and last and part.type == "EMPTY" and (middle - at[name]) @ (at[name] - at[above.name]) < 0.0:
-            # The body lies behind the origin of its empty, so it belongs to the link that carries the empty.
-            body.update({mesh.name: above.name for mesh in own})
-            middle = at[name]
-        middles[name] = middle
     bones = {}
     for name, part in links.items():
-        after = _carried(part, links)
-        tail = at[after[0].name] if len(after) == 1 else 2.0 * middles[name] - at[name]
-        bones[name] = Bone(
-            name, part.parent.name if part.parent is not None and part.parent.name in links else "", at[name], tail
-        )
+        after, parent = carried.get(name, []), above[name]
+        last = name in own and parent and not after and part.type == "EMPTY"
+        if last and (middle[name] - at[name]) @ (at[name] - at[parent]) < 0.0:
+            # The body lies behind the origin of its empty, so it belongs to the link that carries the empty.
+            body.update(dict.fromkeys(own[name], parent))
+            middle[name] = at[name]
+        tail = at[after[0]] if len(after) == 1 else 2.0 * middle.get(name, at[name]) - at[name]
+        bones[name] = Bone(name, parent, at[name], tail)
     return {name: (part, "") for name, part in links.items()}, bones, body
 
 
-def _carried(part: bpy.types.Object, among: Mapping[str, bpy.types.Object]) -> list[bpy.types.Object]:
-    return [child for child in part.children if child.name in among]
+def _bodies(names: Mapping[str, bpy.types.Object]) -> dict[str, str]:
+    """Return the link of each mesh: itself, or the empty that carries it."""
+    body = {name: name for name, part in names.items() if part.type == "MESH"}
+    laden: dict[str, list[str]] = defaultdict(list)  # meshes that carry empties alone, by the empty above them
+    for name in body:
+        above = names[name].parent
+        if above is None or above.name not in names or above.type != "EMPTY":
+            continue
+        below = [child for child in names[name].children_recursive if child.name in names]
+        if not below:
+            body[name] = above.name
+        elif not any(child.name in body for child in below):
+            laden[above.name].append(name)
+    for above_name, own in laden.items():
+        if len(own) == 1:
+            body[own[0]] = above_name
+    return body
+
+
+def _above(part: bpy.types.Object, body: Mapping[str, str]) -> str:
+    """Return the name of the link that carries a part, '' for none."""
+    return body.get(part.parent.name, part.parent.name) if part.parent is not None else ""
+
+
+def _carried(above: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return the links that each link carries, from the link above each."""
+    carried: dict[str, list[str]] = defaultdict(list)
+    for name, parent in above.items():
+        if parent:
+            carried[parent].append(name)
+    return dict(carried)
 
 
 def _middle(mesh: bpy.types.Object) -> Array:
@@ -119,25 +145,33 @@ def _middle(mesh: bpy.types.Object) -> Array:
     return middle
 
 
-def _frames(links: Mapping[str, bpy.types.Object], solid: Collection[str]) -> set[str]:
+def _frames(links: Mapping[str, bpy.types.Object], above: Mapping[str, str], middle: Mapping[str, Array]) -> set[str]:
     """Return the empties that carry no body and mark no end.
 
-    These are beside a link that goes on, or nearer to the origin of their link than another empty of it.
+    These are beside a link that goes on, or nearer to the origin of their link than another empty of it, or not beyond
+    the middle of the body of their link.
+
+    Args:
+        above: the link that carries each link, '' for none. middle: middle of the body of each link that has one.
     """
-    filled = {name for name in solid if name in links}
+    carried = _carried(above)
+    filled = {name for name in middle if name in links}
     for name in list(filled):
-        above = links[name].parent
-        while above is not None and above.name in links:
-            filled.add(above.name)
-            above = above.parent
+        while name := above[name]:
+            filled.add(name)
     found: set[str] = set()
     for name in filled:
-        bare = [child for child in _carried(links[name], links) if child.name not in filled]
-        goes_on = any(child.name in filled for child in _carried(links[name], links))
-        start = links[name].matrix_world.translation
-        bare.sort(key=lambda child: (child.matrix_world.translation - start).length)
-        for child in bare if goes_on else bare[:-1]:
-            found |= {child.name, *(below.name for below in child.children_recursive)} & set(links)
+        bare = [child for child in carried.get(name, []) if child not in filled]
+        start = np.array(links[name].matrix_world.translation, np.float64)
+        to = {child: np.array(links[child].matrix_world.translation, np.float64) - start for child in bare}
+        half = middle.get(name, start) - start
+        ends = [child for child in bare if to[child] @ half >= _BEYOND * float(half @ half)]
+        if len(bare) < len(carried.get(name, [])):
+            ends = []
+        _, end = max(((float(np.linalg.norm(to[child])), child) for child in ends), default=(0.0, ""))
+        for child in bare:
+            if child != end:
+                found |= {child, *(below.name for below in links[child].children_recursive)} & set(links)
     return found
 
 

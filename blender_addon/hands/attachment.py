@@ -16,7 +16,7 @@ from ..preferences import library
 from ..properties import skin_properties
 from ..quantities import metres_per_unit
 from . import armatures
-from .bone_names import LEFT
+from .bone_names import LEFT, RIGHT
 from .fingertip_fit import Fit, fit
 from .nails import Nails
 from .rig import Rig, rotation
@@ -228,8 +228,10 @@ def _doubts(rig: Rig, hand: Hand, found: Nails, tips: Sequence[Tip], fits: Seque
     if not found.sure:
         doubt(
             "nails-guessed",
-            "neither names nor bends of the fingers say on which side the nails are",
-            "Check that the nails lie on the back of the hand, or switch Flip on",
+            "neither names nor bends nor the thumb say which side is the back of the hand, so left or right is a guess",
+            "Check that the nails lie on the back of the hand. If not, choose the other hand in the panel of the last "
+            "operation, or switch Flip on",
+            value={LEFT: "left hand", RIGHT: "right hand"}.get(found.side),
         )
     elif hand.side and hand.side != found.side:
         side = "left" if hand.side == LEFT else "right"

@@ -45,6 +45,8 @@ _PLACE_OF = {word: place for place, words in _PLACE_WORDS.items() for word in wo
 _SIDE_OF = {word: side for side, words in _SIDE_WORDS.items() for word in words.split()}
 _LONG = {w for w in (*_FINGER_OF, *_PLACE_OF, *_SIDE_OF, *_NUMBERED, *_SILENT, *_WRISTS) if len(w) > 2 or w > "~"}
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_A-Za-z]+")
+_LINKS = re.compile(r"(?:(?<![A-Za-z])l|(?<![A-Z])L)\d")  # index_L1: the left side, or the first link
+_RIGHTS = re.compile(r"(?:(?<![A-Za-z])r|(?<![A-Z])R)\d")
 
 
 @dataclass(frozen=True)
@@ -93,11 +95,17 @@ def is_foot(name: str) -> bool:
 
 
 def labels(names: Iterable[str]) -> dict[str, Label]:
-    """Return the labels of those names that name a finger."""
+    """Return the labels of those names that name a finger.
+
+    The L in index_L1 is the left side only if another name has an R in such a place. Otherwise it may mean 'link', as
+    in the names of robots' parts, and says nothing.
+    """
     found: dict[str, Label] = {}
     numbered: dict[tuple[str, ...], dict[str, tuple[int, int, str]]] = defaultdict(dict)
+    names = list(names)
+    sided = any(_RIGHTS.search(name) for name in names)
     for name in names:
-        label, number = _read(name)
+        label, number = _read(name, links=not sided and _LINKS.search(name) is not None)
         if label is not None and number is None:
             found[name] = label
         elif label is not None and number is not None:
@@ -113,8 +121,12 @@ def labels(names: Iterable[str]) -> dict[str, Label]:
     return found
 
 
-def _read(name: str) -> tuple[Label | None, int | None]:
-    """Return a name's label, and the finger's number if it has no other name."""
+def _read(name: str, *, links: bool) -> tuple[Label | None, int | None]:
+    """Return a name's label, and the finger's number if it has no other name.
+
+    Args:
+        links: an L between the finger's name and a number says nothing.
+    """
     finger, side, place = "", "", None
     rest: list[str] = []
     numbers: list[str] = []
@@ -122,6 +134,8 @@ def _read(name: str) -> tuple[Label | None, int | None]:
     for word in words(name):
         if word in _FEET:
             return None, None
+        if links and word == "l" and finger:
+            continue
         if word in _SIDE_OF and not side:
             side = _SIDE_OF[word]
         elif word in _FINGER_OF and not finger:

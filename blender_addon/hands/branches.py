@@ -75,7 +75,8 @@ def _readings(
     bones: Mapping[str, Bone], palm: str, below: list[list[str]], weighted: Collection[str], said: Mapping[str, Label]
 ) -> Iterator[Hand]:
     """Yield the readings of a palm's chains, likely ones first."""
-    sides = Counter(filter(None, (side_of(name) for names in below for name in names)))
+    own = (said[name].side if name in said else side_of(name) for names in below for name in names)
+    sides = Counter(filter(None, own))
     side = next(iter(dict(sides.most_common(1))), "") or next(filter(None, map(side_of, ancestors(bones, palm))), "")
     for marked in (False, True):
         chains = [ended(names, weighted, marked and len(names) > 2) for names in below]

@@ -98,7 +98,7 @@ def distance(point: Array, triangles: Array) -> float:
 def section(triangles: Array, height: float) -> Array:
     """Return the points where edges of triangles cross a plane of constant Y.
 
-    Their shape is (k, 3).
+    Their shape is (k, 3). The two points of a triangle follow one another.
     """
     first = triangles.reshape(-1, 3)
     second = np.roll(triangles, -1, axis=1).reshape(-1, 3)
@@ -167,7 +167,14 @@ def _on_skin(
 def _bottom(ring: Array, x: float, near: float) -> float:
     """Return the height of the pad's middle in a section.
 
-    It is that of the lowest point near the middle, if this lies below the section's mean, else of the lowest of all.
+    It is the lowest height of the skin there, if this lies below the section's mean. Where the skin is open, it is that
+    of the lowest point near the middle, else of the lowest of all.
     """
+    starts, ends = ring[::2], ring[1::2]
+    over = (starts[:, 0] < x) != (ends[:, 0] < x)
+    share = (x - starts[over, 0]) / (ends[over, 0] - starts[over, 0])
+    heights = starts[over, 2] + share * (ends[over, 2] - starts[over, 2])
+    if len(heights) and heights.min() < ring[:, 2].mean():
+        return float(heights.min())
     middle = ring[np.abs(ring[:, 0] - x) <= near]
     return float((middle if len(middle) and middle[:, 2].min() < ring[:, 2].mean() else ring)[:, 2].min())

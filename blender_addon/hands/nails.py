@@ -18,6 +18,8 @@ from .bone_names import FINGERS, LEFT, RIGHT
 _PALM = 0.3  # weight of the palm against the sine of a bend; a bend of 17 degrees has the same weight
 _AGAINST = -0.25  # mean sine of the bends below which the named side is not believed: 15 degrees backwards
 _SURE = 0.05  # evidence below this value is a guess
+# Evidence of a thumb whose tip lies 10 degrees out of the plane of the knuckles; nearer to it, a thumb shows no side.
+_OUT = 0.087
 # A thumb's nail is turned outwards. These are the shares of the direction of the palm's back, and of the direction from
 # the fingers to the thumb.
 _THUMB = (0.45, 0.9)
@@ -29,7 +31,8 @@ class Nails:
 
     Attributes:
         directions: direction of each finger's nail, perpendicular to its last phalanx.
-        side: 'L' or 'R', from the position of the bones. sure: whether bends or a name show it; else it is a guess.
+        side: 'L' or 'R', from the position of the bones. sure: whether a name, a person, bends or the thumb show it;
+            else it is a guess.
     """
 
     directions: Mapping[str, Array]
@@ -37,7 +40,15 @@ class Nails:
     sure: bool
 
 
-def nails(lines: Mapping[str, Array], wrist: Array | None, side: str, bends: Mapping[str, Array]) -> Nails:
+def nails(
+    lines: Mapping[str, Array],
+    wrist: Array | None,
+    side: str,
+    bends: Mapping[str, Array],
+    *,
+    given: bool = False,
+    rigid: bool = False,
+) -> Nails:
     """Return the directions of the nails of a hand.
 
     Args:
@@ -45,22 +56,31 @@ def nails(lines: Mapping[str, Array], wrist: Array | None, side: str, bends: Map
         wrist: place of the wrist, shape (3,); None without a bone there.
         side: 'L', 'R', or '' if names have no side.
         bends: `curl` of the posed fingers, rotated back to the rest; it has the same weight as that of the rest.
+        given: a person has given the side, so no bend is believed against it.
+        rigid: the fingers are links of a robot. The frame of its palm lies anywhere, so the wrist does not count. The
+            frames of the first joints need not lie along the finger, so only the last joint and phalanx count.
+            Importers set joints to zero, whichever way that bends a finger, so the side is sure only if the thumb shows
+            it too.
     """
-    curls = {finger: 0.5 * (curl(line, finger) + bends[finger]) for finger, line in lines.items()}
-    palm = _palm(lines, wrist)
+    curls = {finger: 0.5 * (curl(line, finger, rigid) + bends[finger]) for finger, line in lines.items()}
+    palm = _palm(lines, None if rigid else wrist)
     if palm is None:
         found = {finger: _square(lines[finger], curls[finger] + 1e-6 * _any(lines[finger])) for finger in lines}
         return Nails(found, side, any(np.linalg.norm(c) > _SURE for c in curls.values()))
     across, along, right_back = palm
     back = -right_back if side == LEFT else right_back
     fingers = [finger for finger in lines if finger != FINGERS[0]]
-    carried = {finger: _carried(back, along, lines[finger]) for finger in fingers}
+    carried = {finger: _carried(back, along, lines[finger][-2:] if rigid else lines[finger]) for finger in fingers}
     vote = float(np.mean([curls[finger] @ carried[finger] for finger in fingers]))
     sure = bool(side)
     if not side:
-        vote += _thumb_vote(lines, back)
-        sure = abs(vote) > _SURE
-    if vote < (_AGAINST if side else 0.0):
+        thumb = _thumb_vote(lines, back)
+        bent, vote = vote, vote + thumb
+        shown = max(abs(thumb) - _OUT, 0.0) * np.sign(thumb) if rigid or abs(bent) <= _SURE else vote
+        sure = bool(abs(vote) > _SURE and shown * vote > 0.0)
+    if given and vote < 0.0:
+        curls = {finger: 0.0 * curled for finger, curled in curls.items()}
+    elif vote < (_AGAINST if side else 0.0):
         back, carried = -back, {finger: -way for finger, way in carried.items()}
     found = {finger: _square(lines[finger], _PALM * carried[finger] + curls[finger]) for finger in fingers}
     if FINGERS[0] in lines:
@@ -70,14 +90,15 @@ def nails(lines: Mapping[str, Array], wrist: Array | None, side: str, bends: Map
     return Nails(found, RIGHT if back @ right_back > 0 else LEFT, sure)
 
 
-def curl(line: Array, finger: str) -> Array:
+def curl(line: Array, finger: str, rigid: bool = False) -> Array:
     """Return the direction opposite to a finger's bend, times the bend's sine.
 
-    Its shape is (3,). Of a thumb only the last joint counts, because its other joints turn it as well.
+    Its shape is (3,). Of a thumb and of a robot's finger (`rigid`) only the last joint counts, because the other joints
+    turn it as well.
     """
     ways = np.diff(line, axis=0)
     ways = ways / np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-30)
-    ways = ways[-2:] if finger == FINGERS[0] else ways[-3:]
+    ways = ways[-2:] if rigid or finger == FINGERS[0] else ways[-3:]
     axis = np.cross(ways[:-1], ways[1:]).sum(axis=0)
     return -np.cross(axis, ways[-1])
 

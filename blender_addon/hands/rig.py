@@ -14,7 +14,7 @@ from .bone_names import LEFT, RIGHT
 from .bound_skin import BoundSkin, bound_skin, own_skin
 from .nails import Nails, curl, nails
 from .readings import found_hands
-from .skeleton import Bone, Chain, Hand, ancestors, joints, wrist_at
+from .skeleton import Bone, Chain, Hand, along_body, ancestors, joints, wrist_at
 
 
 @dataclass(frozen=True)
@@ -70,11 +70,13 @@ class Rig:
             lines[finger] = line = joints(self.bones, chain)
             moves = [self.move(bone) for bone in (*chain.bones, chain.last)]
             posed = [move[:3, :3] @ point + move[:3, 3] for move, point in zip(moves, line, strict=True)]
-            bends[finger] = rotation(moves[-1]).T @ curl(np.array(posed), finger)
+            bends[finger] = rotation(moves[-1]).T @ curl(np.array(posed), finger, not self.has_bones)
         side = hand.side
-        if self.armatures[0].matrix_world.determinant() < 0.0:  # a mirrored right hand is a left one
+        # A mirrored right hand is a left one. A person says what the hand is as it is seen.
+        if self.armatures[0].matrix_world.determinant() < 0.0 and not hand.given:
             side = {LEFT: RIGHT, RIGHT: LEFT}.get(side, side)
-        return nails(lines, wrist_at(self.bones, hand.wrist, hand.chains.values()), side, bends)
+        wrist = wrist_at(self.bones, hand.wrist, hand.chains.values())
+        return nails(lines, wrist, side, bends, given=hand.given, rigid=not self.has_bones)
 
     def move(self, bone: str) -> Array:
         """Return the matrix from the rest of a bone to its pose, shape (4, 4)."""
@@ -159,6 +161,9 @@ def _of_parts(context: bpy.types.Context, parts: tuple[bpy.types.Object, ...]) -
     """Return parts without an armature as one rig."""
     places, bones, body = armatures.bones_of_parts(parts)
     skin = own_skin(parts, body, context)
+    carrying = {bone.parent for bone in bones.values() if bone.name in skin.bones}
+    for name in skin.bones - carrying:
+        bones[name] = along_body(bones[name], skin.triangles[name])
     carried = ((part.name, child) for part in parts for child in part.children)
     there = {body.get(name, name): child.name for name, child in carried if child.dermis.role == "FINGER"}
     return Rig(parts, places, bones, skin, tuple(found_hands(bones, skin.bones)), there, picked=False)

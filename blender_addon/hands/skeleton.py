@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,6 +18,9 @@ PHALANGES = 3  # number of bones of a finger; earlier bones lie in the palm
 LIKELY = (0.35, 1.7)  # likely range of the length of a phalanx over the length of the one before it
 _STRAIGHT = 0.3  # least cosine between the last two phalanges; below it, an importer has made up the end of the bone
 _DISTAL = 0.8  # length of a last phalanx over that of the one before it, if its end is made up
+# The frame of a link lies beside its body if it is farther from the body's middle line than this share of the body's
+# width. The body must be longer than wide by the factor, and must lie ahead of its frame by this share of its length.
+_BESIDE, _LONG, _AHEAD = 0.25, 1.2, 0.25
 _ONE_PLACE = 0.02  # share of the distance to the fingertips; bones that begin nearer to one another begin at one place
 
 
@@ -27,6 +30,8 @@ class Bone:
 
     Attributes:
         parent: name of its parent, '' for none. head, tail: its ends, shape (3,). deform: whether it moves a mesh.
+        aside: from its head to the middle line of its finger, shape (3,), if its head lies beside the finger; else
+            None.
     """
 
     name: str
@@ -34,6 +39,7 @@ class Bone:
     head: Array
     tail: Array
     deform: bool = True
+    aside: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -61,7 +67,7 @@ class Hand:
         source: method that proposed it, 'names' or 'branches'.
         score: score of the reading; the best reading has the highest. named_fingers: number of fingers whose bones are
             named as that finger.
-        rivals: other readings of its bones, the best first.
+        rivals: other readings of its bones, the best first. given: whether a person has given the side.
     """
 
     side: str
@@ -71,6 +77,7 @@ class Hand:
     score: float = 0.0
     named_fingers: int = 0
     rivals: tuple[Hand, ...] = ()
+    given: bool = False
 
     @property
     def every_bone(self) -> set[str]:
@@ -116,20 +123,72 @@ def joints(bones: Mapping[str, Bone], chain: Chain) -> Array:
     """Return a finger's joints at rest, from the knuckle to the tip.
 
     Their shape is (n, 3). The tip is at the marker of the end, else at the end of the last bone. If an importer has
-    made up that end, the tip lies straight ahead of the bone before.
+    made up that end, the tip lies straight ahead of the bone before. If the last bone lies beside the finger, all
+    joints are moved onto the finger's line with it.
     """
     heads = np.array([bones[name].head for name in chain.bones])
     last = bones[chain.last]
+    if last.aside is not None:
+        heads = heads + last.aside
     if chain.end and np.linalg.norm(bones[chain.end].head - last.head) > 1e-6 * np.linalg.norm(last.tail - last.head):
         return np.vstack([heads, bones[chain.end].head])
     if len(heads) < 2:
         return np.vstack([heads, last.tail])
-    before, own = heads[-1] - heads[-2], last.tail - last.head
+    before, own = heads[-1] - heads[-2], last.tail - heads[-1]
     ahead, length = float(np.linalg.norm(before)), float(np.linalg.norm(own))
     bent = float(before @ own) < _STRAIGHT * ahead * length
     if ahead > 0.0 and (bent or not LIKELY[0] * ahead < length < LIKELY[1] * ahead):
         own = _DISTAL * before
-    return np.vstack([heads, last.head + own])
+    return np.vstack([heads, heads[-1] + own])
+
+
+def along_body(bone: Bone, triangles: Array) -> Bone:
+    """Return a last link with its end by its body, if its frame lies beside the body; else the link as it is.
+
+    A joint's frame may lie anywhere along the joint's axis, so it need not lie in the finger.
+
+    Args:
+        triangles: its body, shape (t, 3, 3).
+    """
+    sides = triangles[:, 1:] - triangles[:, :1]
+    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    if areas.sum() <= 0.0:
+        return bone
+    axes = _box_axes(triangles, areas / areas.sum())
+    points = (triangles.reshape(-1, 3) - bone.head) @ axes
+    low, high = points.min(axis=0), points.max(axis=0)
+    size, middle = high - low, 0.5 * (low + high)
+    if size[0] < _LONG * size[1] or abs(middle[0]) < _AHEAD * size[0]:
+        return bone
+    if all(abs(middle[1:]) <= _BESIDE * size[1:]):
+        return bone
+    end = high[0] if middle[0] > 0.0 else low[0]
+    aside: Array = axes[:, 1:] @ middle[1:]
+    return replace(bone, tail=bone.head + aside + end * axes[:, 0], aside=aside)
+
+
+def _box_axes(triangles: Array, areas: Array) -> Array:
+    """Return the axes of a box round a body, longest side first, as columns of a matrix of shape (3, 3).
+
+    One is the direction in which the body spreads least, and the others give the smallest rectangle across it.
+
+    Args:
+        areas: share of each triangle of the surface, shape (t,).
+    """
+    corners = triangles - areas @ triangles.mean(axis=1)
+    sums = corners.sum(axis=1)
+    spread = np.einsum("t,tij,tik->jk", areas, corners, corners) + np.einsum("t,tj,tk->jk", areas, sums, sums)
+    thin, first, second = np.linalg.eigh(spread)[1].T
+    points = corners.reshape(-1, 3) @ np.stack([first, second], axis=1)
+    sides: list[tuple[float, float, float]] = []
+    for angle in np.radians(np.arange(90.0)):
+        c, s = np.cos(angle), np.sin(angle)
+        along, across = np.ptp(points @ np.array([[c, -s], [s, c]]), axis=0)
+        sides.append((float(along * across), float(angle), float(along - across)))
+    _, angle, more = min(sides)
+    c, s = np.cos(angle), np.sin(angle)
+    one, other = c * first + s * second, c * second - s * first
+    return np.stack([one, other, thin] if more >= 0.0 else [other, one, thin], axis=1)
 
 
 def wrist_at(bones: Mapping[str, Bone], palm: str, chains: Collection[Chain]) -> Array | None:

@@ -205,8 +205,8 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             return {side: sides[side]}
         only = next(iter(sides.values()))
         if len(hung.hands) == 1 and not only.side:  # no name gives the side: the person does
-            rivals = tuple(replace(rival, side=self.hand) for rival in only.rivals)
-            return {self.hand: replace(only, side=self.hand, rivals=rivals)}
+            rivals = tuple(replace(rival, side=self.hand, given=True) for rival in only.rivals)
+            return {self.hand: replace(only, side=self.hand, rivals=rivals, given=True)}
         if self.hand not in sides:
             raise DermisError(
                 f"it has no {SIDES[self.hand]}", where=hung.where, limit=" and ".join(SIDES[side] for side in sides)

@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from .build import mesh_object
+from .build import CUBE, CUBE_FACES, empty, mesh_object
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 KNUCKLES = {
@@ -170,6 +170,92 @@ def hand(
         {f: world[:3, :3] @ (truth[f][0][-1] * mirror * scale) + world[:3, 3] for f in fingers},
         {f: unit(world[:3, :3] @ (truth[f][1][-1] * mirror)) for f in fingers},
     )
+
+
+Truth = Mapping[str, tuple[np.ndarray, np.ndarray]]
+
+
+@dataclass
+class LinkedHand:
+    """A robot's hand as importers make it, from links with no armature.
+
+    Attributes:
+        last: the link that carries each fingertip. tips, nails: where the last bodies end, and where their backs look.
+            knuckles: where they begin, in the middle of their fingers.
+    """
+
+    palm: bpy.types.Object
+    last: dict[str, bpy.types.Object]
+    tips: dict[str, np.ndarray]
+    nails: dict[str, np.ndarray]
+    knuckles: dict[str, np.ndarray]
+
+
+def linked(
+    side: str = "R",
+    *,
+    name: Callable[[str, int], str] = lambda finger, place: f"{'abcde'[FINGERS.index(finger)]}{place}",
+    truth: Truth | None = None,
+    wide: float = 16.0,
+    thick: float = 14.0,
+    beside: float = 0.0,
+    ends: bool = True,
+    behind: bool = False,
+    laden: bool = False,
+) -> LinkedHand:
+    """Make a robot's hand: an empty for each link, which its body hangs on, and more for frames and ends.
+
+    Args:
+        name: of a link, by its finger and its place from 0. truth: joints and nails, as of `joints`.
+        wide, thick: of the bodies. beside: distance of the links' frames from their fingers, along the axes of the
+            joints [mm]. The first link's frame is moved out of the back too, as it lies anywhere along its own axis.
+        ends: there are frames at the ends, and sensors before them. behind: a last link's body is not its own but hangs
+            on the frame of its end, behind it. laden: bodies carry a frame.
+    """
+
+    def frame(called: str, parent: bpy.types.Object | None, at: np.ndarray) -> bpy.types.Object:
+        made = empty(called)
+        made.parent = parent
+        bpy.context.view_layer.update()
+        made.matrix_world = Matrix.Translation(at.tolist())
+        bpy.context.view_layer.update()
+        return made
+
+    def body(link: bpy.types.Object, axes: np.ndarray, at: np.ndarray, size: tuple[float, float, float]) -> None:
+        made = mesh_object("Visual", np.array(CUBE) * size @ axes.T, CUBE_FACES)
+        made.parent = link
+        bpy.context.view_layer.update()
+        made.matrix_world = Matrix.Translation(at.tolist())
+        bpy.context.view_layer.update()
+        if laden:
+            frame("contact", made, at + 0.3 * size[2] * axes[:, 2])
+
+    mirror = np.array([-1.0 if side == "L" else 1.0, 1.0, 1.0]) * 1e-3
+    truth = truth or joints()
+    palm = frame("base", frame("world", None, np.zeros(3)), np.zeros(3))
+    body(palm, np.eye(3), np.array([0.0, 0.04, 0.0]), (0.06, 0.08, 0.02))
+    frame("camera", palm, np.array([0.0, 0.05, 0.03]))
+    made = LinkedHand(palm, {}, {}, {}, {})
+    for finger, (line, nails) in truth.items():
+        parent = palm
+        for i in range(3):
+            ahead, nail = (unit(way * mirror) for way in (line[i + 1] - line[i], nails[i]))
+            axes = np.stack([np.cross(ahead, nail), ahead, nail], axis=1)
+            off = 1e-3 * beside * axes[:, 0] + (1e-3 * beside * nail if i == 0 else 0.0)
+            parent = frame(name(finger, i), parent, line[i] * mirror + off)
+            size = (1e-3 * wide, float(np.linalg.norm((line[i + 1] - line[i]) * mirror)), 1e-3 * thick)
+            middle = 0.5 * (line[i] + line[i + 1]) * mirror
+            if i < 2 or not behind:
+                body(parent, axes, middle, size)
+        if ends:
+            end = frame(f"end {finger}", parent, line[3] * mirror)
+            frame(f"sensor {finger}", parent, 0.5 * (line[2] + line[3]) * mirror)
+            if behind:
+                body(end, axes, middle, size)
+        made.last[finger], made.tips[finger] = parent, line[3] * mirror
+        made.nails[finger], made.knuckles[finger] = unit(nails[2] * mirror), line[2] * mirror
+    bpy.context.view_layer.objects.active = made.last["index"]
+    return made
 
 
 def rigify(rig: str = "human") -> bpy.types.Object:

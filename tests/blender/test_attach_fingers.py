@@ -16,8 +16,8 @@ from blender_addon.hands.rig import read
 from blender_addon.results import store
 
 from . import hand_rigs
-from .build import CUBE, CUBE_FACES, cube, empty, keys, mesh_object, span
-from .hand_rigs import FINGERS, HandRig, hand
+from .build import CUBE, CUBE_FACES, cube, keys, mesh_object, span
+from .hand_rigs import FINGERS, HandRig, LinkedHand, hand
 from .test_undo import push, undo
 
 NAMINGS: dict[str, dict[str, Any]] = {
@@ -593,62 +593,88 @@ def test_instanced_parts_without_an_armature_are_one_hand(side: str) -> None:
         bpy.ops.dermis.attach_fingers()
 
 
+def check_links(rig: LinkedHand, side: str, wide: float = 16.0, thick: float = 14.0) -> None:
+    """Check links, nails, sizes and places of the fingers of a robot's hand; a pad lies within 1 mm of its place."""
+    there = fingers()
+    assert {o.name for o in there.values()} == {f"{f.title()}.{side}" for f in rig.last}
+    for finger, obj in there.items():
+        assert obj.parent == rig.last[finger], finger
+        assert obj.dermis.finger.skin.width_mm == pytest.approx(wide, rel=0.15)  # a box is no preset's shape
+        frame, nail = np.array(obj.matrix_world), rig.nails[finger]
+        assert frame[:3, 2] @ nail > 0.98, finger
+        ahead = hand_rigs.unit(rig.tips[finger] - rig.knuckles[finger])
+        pad = frame[:3, 3] - rig.tips[finger]
+        assert pad @ nail == pytest.approx(-0.5e-3 * thick, abs=3e-4), finger
+        assert pad @ np.cross(ahead, nail) == pytest.approx(0.0, abs=1e-3), finger
+        assert -pad @ ahead == pytest.approx(1e-3 * obj.dermis.finger.skin.tip_mm, abs=3e-4), finger
+
+
 @pytest.mark.parametrize("side", ["L", "R"])
-@pytest.mark.parametrize("behind", [False, True])
-def test_links_with_meshes_frames_and_ends_are_one_hand(behind: bool, side: str) -> None:
-    """Importers of robots make an empty for each link, which its meshes hang on, and more for frames and ends.
-
-    Args:
-        behind: a last link's body is not its own but hangs on the frame of its end, behind it.
-    """
-
-    def frame(name: str, parent: bpy.types.Object | None, at: np.ndarray) -> bpy.types.Object:
-        made = empty(name)
-        made.parent = parent
-        bpy.context.view_layer.update()
-        made.matrix_world = Matrix.Translation(at.tolist())
-        bpy.context.view_layer.update()
-        return made
-
-    def body(link: bpy.types.Object, axes: np.ndarray, at: np.ndarray, size: tuple[float, float, float]) -> None:
-        made = mesh_object("Visual", np.array(CUBE) * size @ axes.T, CUBE_FACES)
-        made.parent = link
-        bpy.context.view_layer.update()
-        made.matrix_world = Matrix.Translation(at.tolist())
-        bpy.context.view_layer.update()
-
-    mirror = np.array([-1.0 if side == "L" else 1.0, 1.0, 1.0]) * 1e-3
-    palm = frame("base", frame("world", None, np.zeros(3)), np.zeros(3))
-    body(palm, np.eye(3), np.array([0.0, 0.04, 0.0]), (0.06, 0.08, 0.02))
-    frame("camera", palm, np.array([0.0, 0.05, 0.03]))
-    last: dict[str, bpy.types.Object] = {}
-    for finger, (line, nails) in hand_rigs.joints().items():
-        parent = palm
-        for i in range(3):
-            ahead, nail = (hand_rigs.unit(way * mirror) for way in (line[i + 1] - line[i], nails[i]))
-            axes = np.stack([np.cross(ahead, nail), ahead, nail], axis=1)
-            parent = last[finger] = frame(f"{'abcde'[FINGERS.index(finger)]}{i}", parent, line[i] * mirror)
-            size = (0.016, float(np.linalg.norm((line[i + 1] - line[i]) * mirror)), 0.014)
-            middle = 0.5 * (line[i] + line[i + 1]) * mirror
-            if i < 2 or not behind:
-                body(parent, axes, middle, size)
-        end = frame(f"end {finger}", parent, line[3] * mirror)
-        frame(f"sensor {finger}", parent, 0.5 * (line[2] + line[3]) * mirror)
-        if behind:
-            body(end, axes, middle, size)
-    bpy.context.view_layer.objects.active = last["ring"]
+@pytest.mark.parametrize(
+    "more",
+    [{}, {"behind": True}, {"laden": True}, {"behind": True, "laden": True}, {"laden": True, "ends": False}],
+    ids=["plain", "behind", "laden", "behind and laden", "laden without ends"],
+)
+def test_links_with_meshes_frames_and_ends_are_one_hand(more: dict[str, bool], side: str) -> None:
+    rig = hand_rigs.linked(side, **more)
+    bpy.context.view_layer.objects.active = rig.last["ring"]
     assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
     assert bpy.context.object in fingers().values()
     assert bpy.ops.dermis.attach_fingers.poll()  # else the panel of the last operation is not shown
-    assert {o.name for o in fingers().values()} == {f"{f.title()}.{side}" for f in FINGERS}
-    for finger, obj in fingers().items():
-        line, nails = hand_rigs.joints()[finger]
-        assert obj.parent == last[finger]
-        assert obj.dermis.finger.skin.width_mm == pytest.approx(16.0, rel=0.15)  # a box is no preset's shape
-        nail = nails[2] * mirror * 1e3
-        pad = np.array(obj.matrix_world.translation) - line[2] * mirror
-        assert pad @ nail == pytest.approx(-7e-3, abs=3e-4), finger
-        assert np.array(obj.matrix_world)[:3, 2] @ nail > 0.98
+    check_links(rig, side)
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
+@pytest.mark.parametrize("ends", [False, True])
+def test_frames_beside_a_robots_fingers_move_no_pad(ends: bool, side: str) -> None:
+    """Some robots have the frames of their joints on one side of the finger: at the head of the servo, or the screw."""
+    truth = {finger: lines for finger, lines in hand_rigs.joints(0.0).items() if finger != "little"}
+    rig = hand_rigs.linked(side, truth=truth, wide=20.0, thick=14.0, beside=8.0, ends=ends)
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    check_links(rig, side, 20.0)
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
+def test_an_l_before_the_number_of_a_link_is_no_side(side: str) -> None:
+    rig = hand_rigs.linked(side, name=lambda finger, place: f"{finger}_L{place + 1}")
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    check_links(rig, side)
+    assert not {"hand-other-side", "nails-guessed", "hand-unnamed"} & {f.code for f in reporting.findings()}
+
+
+def flat_robot(bend: float) -> hand_rigs.Truth:
+    """Return a hand whose thumb lies in the palm's plane; its fingers' last joints bend by degrees, or backwards."""
+    truth = {finger: lines for finger, lines in hand_rigs.joints(0.0).items() if finger != "little"}
+    ways = np.array([[0.0, 0.0, 0.0], [-18.0, 0.0, 1.0], [-60.0, 0.0, 2.0], [-100.0, 0.0, 3.0]])
+    truth["thumb"] = np.array([-30.0, 15.0, 0.0]) + ways, np.tile([0.0, 0.0, 1.0], (3, 1))
+    c, s = np.cos(np.radians(bend)), np.sin(np.radians(bend))
+    for finger in ("index", "middle", "ring"):
+        line, nails = (part.copy() for part in truth[finger])
+        ahead, nail = line[3] - line[2], nails[2]
+        line[3] = line[2] + c * ahead - s * np.linalg.norm(ahead) * nail
+        nails[2] = c * nail + s * hand_rigs.unit(ahead)
+        truth[finger] = line, nails
+    return truth
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
+@pytest.mark.parametrize("bend", [0.0, -27.0])
+def test_a_robots_side_that_nothing_shows_is_told_and_a_person_says_it(bend: float, side: str) -> None:
+    """Joints at zero bend the fingers of some robots backwards, where they would never go."""
+    rig = hand_rigs.linked(side, truth=flat_robot(bend))
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    guess = {obj.name.partition(".")[2] for obj in fingers().values()}.pop()
+    (doubt,) = [f for f in reporting.findings() if f.code == "nails-guessed"]
+    assert doubt.value == {"L": "left hand", "R": "right hand"}[guess]
+    for obj in fingers().values():
+        bpy.data.objects.remove(obj)
+    bpy.context.view_layer.objects.active = rig.palm
+    assert bpy.ops.dermis.attach_fingers(hand=side) == {"FINISHED"}
+    assert not {"hand-other-side", "nails-guessed"} & {f.code for f in reporting.findings()}
+    there = fingers()
+    assert {obj.name for obj in there.values()} == {f"{f.title()}.{side}" for f in rig.last}
+    for finger in ("index", "middle", "ring"):
+        assert np.array(there[finger].matrix_world)[:3, 2] @ rig.nails[finger] > 0.98, finger
 
 
 @pytest.mark.parametrize("side", ["L", "R"])

@@ -7,7 +7,7 @@ import pytest
 
 from blender_addon.hands.bone_names import END, FINGERS, labels, side_of, words
 from blender_addon.hands.readings import found_hands
-from blender_addon.hands.skeleton import Bone, Chain, joints
+from blender_addon.hands.skeleton import Bone, Chain, along_body, joints, wrist_at
 
 from . import hand_rigs, hand_schemes
 
@@ -74,6 +74,14 @@ def test_fingers_by_number_begin_with_the_thumb_whether_at_one_or_at_none() -> N
     assert found["Bip01 L Finger1"].side == "L"
 
 
+def test_an_l_before_a_number_is_a_side_where_there_is_an_r_too() -> None:
+    links = labels([f"{finger}_L{p}" for finger in FINGERS for p in (1, 2)])
+    assert {label.side for label in links.values()} == {""} and links["ring_L2"].place == 2
+    both = labels([f"index_{side}{p}" for side in "LR" for p in (1, 2)])
+    assert [both[f"index_{side}2"].side for side in "LR"] == ["L", "R"] and both["index_L2"].place == 2
+    assert labels(["index_R1"])["index_R1"].side == "R" and labels(["L1_index"])["L1_index"].side == "L"
+
+
 def test_a_side_is_a_word_of_its_own() -> None:
     assert [side_of(n) for n in ("hand.L", "RightHand", "wrist_l", "ball", "left_right")] == ["L", "R", "L", "", ""]
     assert words("DEF-f_index.03.L") == ["def", "f", "index", "03", "l"]
@@ -114,6 +122,22 @@ def test_where_a_last_bone_ends_is_believed_where_it_can_be_true() -> None:
     assert joints(aside | {"e": bone("e", at=2.7)}, Chain(tuple("abc"), "e"))[-1] == pytest.approx([0.0, 2.7, 0.0])
 
 
+def test_a_last_link_whose_frame_lies_beside_its_body_goes_along_the_body() -> None:
+    box = np.array(np.meshgrid([-10.0, 10.0], [-5.0, 45.0], [0.0, 30.0], indexing="ij")).reshape(3, -1).T
+    faces = np.array([(0, 1, 3), (0, 3, 2), (4, 7, 5), (4, 6, 7), (0, 5, 1), (0, 4, 5), (2, 3, 7), (2, 7, 6)])
+    faces = np.vstack([faces, [(0, 2, 6), (0, 6, 4), (1, 7, 3), (1, 5, 7)]])
+    at, made_up = np.zeros(3), np.array([0.0, 40.0, 30.0])
+    moved = along_body(Bone("tip", "", at, made_up), box[faces])
+    assert moved.aside == pytest.approx(np.array([0.0, 0.0, 15.0])) and moved.tail == pytest.approx([0.0, 45.0, 15.0])
+    line = joints({"a": Bone("a", "", np.array([0.0, -40.0, 0.0]), at), "tip": moved}, Chain(("a", "tip")))
+    assert line == pytest.approx(np.array([[0.0, -40.0, 15.0], [0.0, 0.0, 15.0], [0.0, 45.0, 15.0]]))
+    inside = Bone("tip", "", np.array([0.0, 0.0, 15.0]), made_up)
+    assert along_body(inside, box[faces]) is inside
+    ball = box * (1.5, 0.5, 1.0)  # as long as wide: it shows no direction
+    assert along_body(Bone("tip", "", at, made_up), ball[faces]).aside is None
+    assert along_body(Bone("tip", "", at, made_up), np.zeros((4, 3, 3))).aside is None
+
+
 @pytest.mark.parametrize("side", ["L", "R"])
 @pytest.mark.parametrize("body", [False, True])
 def test_fingers_without_names_are_told_apart_by_how_they_lie(side: str, body: bool) -> None:
@@ -130,6 +154,24 @@ def test_fingers_without_names_are_told_apart_by_how_they_lie(side: str, body: b
     (hand,) = found_hands(bones)
     assert hand.wrist == "palm" and not hand.named
     assert {finger: chain.last for finger, chain in hand.chains.items()} == {f: f"{f[::-1]} 2" for f in FINGERS}
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
+@pytest.mark.parametrize("elbow", [(-100.0, -250.0, 0.0), (-200.0, -150.0, 150.0), (-250.0, -50.0, 0.0)])
+def test_a_forearm_that_carries_all_metacarpals_begins_at_no_wrist(elbow: tuple[float, ...], side: str) -> None:
+    """Seen from such an elbow, the little finger points away, and the thumb lies among the others."""
+    mirror = np.array([-1.0 if side == "L" else 1.0, 1.0, 1.0])
+    bones = {"arm": Bone("arm", "", np.array(elbow) * mirror, np.zeros(3))}
+    for finger, (line, _) in hand_rigs.joints(30.0).items():
+        points, parent = np.vstack([np.zeros(3), line]) * mirror, "arm"
+        for i in range(4):
+            name = f"{finger[::-1]} {i}"
+            bones[name] = Bone(name, parent, points[i], points[i + 1])
+            parent = name
+    (hand,) = found_hands(bones)
+    assert hand.wrist == "arm"
+    assert {finger: chain.last for finger, chain in hand.chains.items()} == {f: f"{f[::-1]} 3" for f in FINGERS}
+    assert wrist_at(bones, "arm", hand.chains.values()) == pytest.approx(np.zeros(3))
 
 
 def test_a_hand_without_a_thumb_has_none() -> None:

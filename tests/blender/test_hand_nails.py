@@ -62,6 +62,33 @@ def test_a_wrong_side_is_not_believed_where_all_fingers_bend() -> None:
     assert found.side == "R" and all(found.directions[f] @ truth[f] > 0.98 for f in FINGERS[1:])
 
 
+@pytest.mark.parametrize("bend", [-27.0, 0.0])
+def test_a_person_is_believed_against_all_bends(bend: float) -> None:
+    given, truth = lines(bend, "R")
+    bends = {f: curl(given[f], f, True) for f in FINGERS}
+    found = nails(given, WRIST, "R", bends, given=True, rigid=True)
+    assert found.side == "R" and found.sure
+    assert all(found.directions[f] @ truth[f] > 0.98 for f in FINGERS[1:])
+
+
+def test_a_thumb_in_the_plane_of_the_palm_shows_no_side() -> None:
+    given, truth = lines(0.0, "R")
+    straight = {f: np.zeros(3) for f in FINGERS}
+    for height, sure in ((-60.0, True), (-5.0, False), (12.0, False)):
+        given["thumb"] = given["thumb"] * (1.0, 1.0, 0.0) + (0.0, 0.0, height)
+        found = nails(given, WRIST, "", straight)
+        assert (found.sure, found.side) == (sure, "R" if height < 0.0 else "L"), height
+
+
+def test_bends_of_a_robot_alone_show_no_side() -> None:
+    given, truth = lines(20.0, "R")
+    given.pop("thumb")
+    bends = {f: curl(line, f, True) for f, line in given.items()}
+    found = nails(given, WRIST, "", bends, rigid=True)
+    assert found.side == "R" and not found.sure
+    assert nails(given, WRIST, "", {f: curl(line, f) for f, line in given.items()}).sure
+
+
 def test_a_single_finger_is_known_by_its_bend() -> None:
     given, truth = lines(15.0, "R")
     only = {"index": given["index"]}
@@ -151,6 +178,22 @@ def test_a_long_nail_is_no_tip() -> None:
     assert fit(line, np.array([0.0, 0.0, 1.0]), np.concatenate([skin, claw]), PRESETS, 1e-3).origin == pytest.approx(
         plain.origin, abs=0.3
     )
+
+
+@pytest.mark.parametrize("sides", [5, 6, 7, 8])
+def test_a_pad_on_few_faces_lies_on_one(sides: int) -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False) + 0.3
+    rings = [np.stack([7.0 * np.cos(angle), 0.0 * angle + y, 6.0 * np.sin(angle)], axis=1) for y in (0.0, 21.0)]
+    faces = []
+    for i in range(sides):
+        j = (i + 1) % sides
+        faces += [(rings[0][i], rings[0][j], rings[1][j]), (rings[0][i], rings[1][j], rings[1][i])]
+        faces += [(rings[1][i], rings[1][j], np.array([0.0, 23.0, 0.0]))]
+    skin = np.array(faces)
+    line = np.array([[0.0, -30.0, 0.0], [0.0, 0.0, 0.0], [0.0, 20.0, 0.0]])
+    found = fit(line, np.array([0.0, 0.0, 1.0]), skin, PRESETS, 1e-3)
+    assert found.on_skin and found.miss == pytest.approx(0.0, abs=1e-6)
+    assert found.origin[2] < -4.0
 
 
 def test_a_section_is_where_edges_cross() -> None:

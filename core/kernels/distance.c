@@ -17,6 +17,10 @@
 /* Up to this distance [m], the direction to the closest point is not accurate, so the surface's normal is used
    instead. */
 #define ON_SURFACE 1e-9
+/* Distances from slabs must exceed a limit by this share, so that rounding has no effect. */
+#define SLACK 1e-9
+/* The first slabs are the body's box; the others exclude hardly any more bodies that are far away. */
+#define BOX 3
 /* A pseudonormal that is not longer than this has no direction. */
 #define NO_LENGTH 1e-9
 
@@ -107,14 +111,24 @@ static int may_be_inside(const dermis_body *body, const double *x, double limit)
     return 1;
 }
 
+int dermis_beyond(const dermis_body *body, const double *x, double limit) {
+    for (int64_t i = 0; i < body->slabs && i < BOX; i++) {
+        const double *slab = body->slab + 5 * i;
+        double along = dermis_dot(x, slab), size = dermis_abs(slab[3]) + dermis_abs(slab[4]);
+        if (dermis_most(along - slab[4], slab[3] - along) > limit + SLACK * (limit + size)) return 1;
+    }
+    return 0;
+}
+
 /* Measure the signed distance to the first solid of a body only. */
 static void one(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out) {
     dermis_closest_point found;
-    if (dermis_find_closest(body->tree, x, limit, hint, &found)) {
+    int away = dermis_beyond(body, x, limit);
+    if (!away && dermis_find_closest(body->tree, x, limit, hint, &found)) {
         measure(body, x, &found, out);
         return;
     }
-    if (body->closed && limit <= DBL_MAX && may_be_inside(body, x, limit) &&
+    if (!away && body->closed && limit <= DBL_MAX && may_be_inside(body, x, limit) &&
         dermis_find_closest(body->tree, x, __builtin_inf(), hint, &found)) {
         measure(body, x, &found, out);
         if (out->gap < 0.0) return;
@@ -124,17 +138,26 @@ static void one(const dermis_body *body, const double *x, double limit, int64_t 
 }
 
 void dermis_signed_distance(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out) {
-    int64_t before = body->tree->count;
-    one(body, x, limit, hint, out);
-    for (const dermis_body *next = body->next; next != NULL; next = next->next) {
+    const dermis_body *first = body;
+    int64_t start = 0, before = 0;
+    /* The solid of the hint is probably the closest one. It is measured first, so that others need not be searched
+       farther than it is. */
+    for (; first->next != NULL && hint - start >= first->tree->count; first = first->next) start += first->tree->count;
+    one(first, x, limit, hint - start, out);
+    if (out->triangle >= 0) out->slot += start;
+    for (const dermis_body *next = body; next != NULL; before += next->tree->count, next = next->next) {
         dermis_distance other;
         /* A solid farther away than the closest one so far need not be found; even a limit of 0 finds points inside.
            The inside of a solid that is inside out is unbounded, and `may_be_inside` misses points beyond its slabs, so
            the limit stays. */
-        double nearer = next->outside < 0 ? limit : dermis_most(dermis_least(limit, out->gap), 0.0);
-        one(next, x, nearer, hint - before, &other);
-        if (other.gap < out->gap) *out = other, out->slot += before;
-        before += next->tree->count;
+        double nearer = dermis_most(dermis_least(limit, before < start ? out->gap * (1.0 + SLACK) : out->gap), 0.0);
+        if (next == first) continue;
+        one(next, x, next->outside < 0 ? limit : nearer, hint - before, &other);
+        /* of two solids at the same distance, the one that comes first counts */
+        if (other.gap < out->gap || (other.triangle >= 0 && other.gap == out->gap && before < start)) {
+            *out = other, out->slot += before;
+            start = before;
+        }
     }
 }
 

@@ -32,6 +32,9 @@ typedef struct {
    time. */
 void dermis_signed_distance(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out);
 
+/* Whether a point is so far outside the box of a solid that all its triangles are farther away than the limit [m]. */
+int dermis_beyond(const dermis_body *body, const double *x, double limit);
+
 /* Whether the counts in the records of a body and its trees have possible values. */
 int dermis_sound_body(const dermis_body *body);
 

@@ -79,8 +79,8 @@ typedef struct dermis_body {
     const int8_t *edge_kind;    /* DERMIS_REGULAR, DERMIS_BOUNDARY or DERMIS_IRREGULAR (total, 3) */
     const int8_t *vertex_kind;  /* the same for vertices (vertices) */
     const int64_t *part;        /* index of one triangle of each part (parts) */
-    const double *slab;         /* unit vector (3), and the body's least and largest coordinate along it [m] (slabs,
-                                   5) */
+    const double *slab;         /* unit vector (3), and the body's least and largest coordinate along it [m]; the first
+                                   three are the body's box (slabs, 5) */
     double *normals;            /* pseudonormals of the vertices (vertices, 3); null: they are summed when they are
                                    needed */
 } dermis_body;

@@ -81,7 +81,7 @@ int dermis_sees_plane(const dermis_posed *posed, int64_t bodies, const double *x
             plane[k] = r[k] * sight->normal[0] + r[3 + k] * sight->normal[1] + r[6 + k] * sight->normal[2];
         plane[3] = dermis_dot(local, plane) - sight->gap;
         for (const dermis_body *body = one->body; body != NULL; body = body->next)
-            if (!body->closed || body->by_rays || !dermis_only_plane(body->tree, local, radius, plane)) return 0;
+            if (!body->closed || body->by_rays || !(dermis_beyond(body, local, radius) || dermis_only_plane(body->tree, local, radius, plane))) return 0;
     }
     return sight->body >= 0;
 }

@@ -53,6 +53,7 @@ PAYS = 1 / 6
 MOST_SOLIDS = 64
 # Unit vectors towards the faces, edges and corners of a cube, one of each opposite pair, shape (13, 3).
 DIRECTIONS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64)[14:] - 1.0
+DIRECTIONS = DIRECTIONS[np.argsort(np.abs(DIRECTIONS).sum(axis=1), kind="stable")]  # the axes first
 DIRECTIONS /= np.sqrt((DIRECTIONS * DIRECTIONS).sum(axis=1))[:, None]
 
 

@@ -5,7 +5,8 @@ This module does not use Blender.
 A name is cut into words and each word is looked up, so that one table reads `f_index.03.L` and `DEF-f_index.03.L`
 (Rigify), `index_03_l` (Unreal, MetaHuman), `mixamorig:LeftHandIndex3` (Mixamo), `finger2-3.L` (MakeHuman),
 `Bip01 L Finger12` (3ds Max), `index-finger-phalanx-distal` (WebXR), `J_Bip_L_Index3` (VRM), `lIndex3` (Daz),
-`CC_Base_L_Mid3` (Character Creator), `b_l_index3` (Meta), `LeftIndexDistal` (Unity) and `人指３.L` (MMD).
+`CC_Base_L_Mid3` (Character Creator), `b_l_index3` (Meta), `LeftIndexDistal` (Unity), `indexFingerIntermediateTip`
+(visionOS) and `人指３.L` (MMD).
 """
 
 from __future__ import annotations
@@ -29,11 +30,12 @@ _FINGER_WORDS = {
 }
 _PLACE_WORDS = {
     0: "metacarpal meta",
-    1: "proximal",
+    1: "proximal knuckle",
     2: "intermediate medial",
     3: "distal",
     END: "tip end nub null leaf 先",
 }
+_JOINTS = {"base": 2, "tip": 3}  # the place of a bone that begins at the base or the tip of the intermediate phalanx
 _SIDE_WORDS = {LEFT: "l left lh lt 左", RIGHT: "r right rh rt 右"}
 _NUMBERED = {"finger", "digit"}  # the number after such a word is that of the finger: finger2-3
 _SILENT = {"f", "fingers", "hand", "phalanx", "phalange", "phalanges", "bone", "joint", "jnt", "指", "手"}
@@ -131,7 +133,8 @@ def _read(name: str, *, links: bool) -> tuple[Label | None, int | None]:
     rest: list[str] = []
     numbers: list[str] = []
     counted = False
-    for word in words(name):
+    own = words(name)
+    for before, word in zip(["", *own], own, strict=False):
         if word in _FEET:
             return None, None
         if links and word == "l" and finger:
@@ -140,6 +143,8 @@ def _read(name: str, *, links: bool) -> tuple[Label | None, int | None]:
             side = _SIDE_OF[word]
         elif word in _FINGER_OF and not finger:
             finger = _FINGER_OF[word]
+        elif before == "intermediate" and word in _JOINTS:
+            place = _JOINTS[word]
         elif word in _PLACE_OF:
             place = _PLACE_OF[word]
         elif word == "middle":  # after the name of a finger this is the middle phalanx

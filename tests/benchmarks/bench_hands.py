@@ -1,7 +1,7 @@
 """Fingers that are attached to hands under the names of many tools and languages, against plainly named ones.
 
 The rows are those of `tests/blender/hand_schemes.py`: each scheme on Rigify's metarig, with and without bones at the
-ends of its fingers, and on a made hand with and without skin.
+ends of its fingers, and on a made hand with and without skin; and the skeletons of trackers, games and tools.
 """
 
 from __future__ import annotations

@@ -172,6 +172,221 @@ def hand(
     )
 
 
+Helper = tuple[str, str, tuple[float, float, float] | str]
+
+
+@dataclass(frozen=True)
+class Skeleton:
+    """The bones of a hand as a tracking system, a game or a rigging tool has them, beside those of `hand`.
+
+    Attributes:
+        name: of the bone of a finger at a place: 0 in the palm, 1 to 3 phalanges, 4 an end; None without one.
+        above: names of the bones from the root to the wrist, by side. helpers: bones that carry no phalanx, by side: a
+            name, the parent's name, and where it is [mm], or the bone that it is at. on: parents of fingers whose first
+            bone is not on the wrist, by side.
+    """
+
+    name: Callable[[str, int, str], str | None]
+    above: Callable[[str], tuple[str, ...]]
+    helpers: Callable[[str], tuple[Helper, ...]] = lambda _: ()
+    on: Callable[[str], Mapping[str, str]] = lambda _: {}
+
+
+def steamvr(finger: str, place: int, side: str) -> str | None:
+    """Return `finger_index_meta_r`, `finger_index_2_r` for the last phalanx, `finger_index_r_end`."""
+    s, finger = side.lower(), UNREAL.get(finger, finger)
+    if place == 0:
+        return None if finger == "thumb" else f"finger_{finger}_meta_{s}"
+    return f"finger_{finger}_{s}_end" if place == 4 else f"finger_{finger}_{place - 1}_{s}"
+
+
+def arkit(finger: str, place: int, side: str) -> str | None:
+    """Return `left_handIndexStart_joint`, `left_handIndex_1_joint`, `left_handIndexEnd_joint`.
+
+    A thumb has a bone less, which begins at its `Start`.
+    """
+    word = (
+        {"L": "left", "R": "right"}[side] + "_hand" + {"middle": "Mid", "little": "Pinky"}.get(finger, finger.title())
+    )
+    if finger == "thumb":
+        place -= 1
+    if place < 0:
+        return None
+    end = 3 if finger == "thumb" else 4
+    return f"{word}Start_joint" if place == 0 else f"{word}End_joint" if place == end else f"{word}_{place}_joint"
+
+
+def visionos(finger: str, place: int, _side: str) -> str | None:
+    """Return `indexFingerMetacarpal`, `indexFingerKnuckle`, `…IntermediateBase`, `…IntermediateTip`, `…Tip`."""
+    if finger == "thumb" and place == 0:
+        return None
+    word = ("Metacarpal", "Knuckle", "IntermediateBase", "IntermediateTip", "Tip")[place]
+    return f"thumb{word}" if finger == "thumb" else f"{finger}Finger{word}"
+
+
+def openxr(finger: str, place: int, _side: str) -> str | None:
+    """Return `XRHand_IndexProximal`; a thumb's first bone is its metacarpal."""
+    if finger == "thumb":
+        return None if place == 0 else f"XRHand_Thumb{('Metacarpal', 'Proximal', 'Distal', 'Tip')[place - 1]}"
+    return f"XRHand_{finger.title()}{('Metacarpal', 'Proximal', 'Intermediate', 'Distal', 'Tip')[place]}"
+
+
+def advanced(finger: str, place: int, side: str) -> str | None:
+    """Return `IndexFinger3_R`; the fourth is an end."""
+    return f"{UNREAL.get(finger, finger).title()}Finger{place}_{side}" if place else None
+
+
+def second_life(finger: str, place: int, side: str) -> str | None:
+    """Return `mHandIndex3Left`; there are no ends."""
+    word = UNREAL.get(finger, finger).title()
+    return f"mHand{word}{place}{ {'L': 'Left', 'R': 'Right'}[side] }" if 0 < place < 4 else None
+
+
+def _long(side: str) -> str:
+    return {"L": "left", "R": "right"}[side]
+
+
+SKELETONS: dict[str, Skeleton] = {
+    # Auxiliary bones of the root are where the last joints are.
+    "SteamVR": Skeleton(
+        steamvr,
+        lambda side: ("Root", f"wrist_{side.lower()}"),
+        lambda side: tuple(
+            (f"finger_{UNREAL.get(finger, finger)}_{side.lower()}_aux", "Root", steamvr(finger, 3, side) or "")
+            for finger in FINGERS
+        ),
+    ),
+    "ARKit": Skeleton(
+        arkit,
+        lambda side: (
+            *("root", "hips_joint", *(f"spine_{i}_joint" for i in range(1, 8))),
+            *(f"{_long(side)}_{part}_joint" for part in ("shoulder_1", "arm", "forearm", "hand")),
+        ),
+    ),
+    # The forearm hangs on the wrist.
+    "visionOS": Skeleton(
+        visionos,
+        lambda _: ("wrist",),
+        lambda _: (("forearmWrist", "wrist", (0.0, -5.0, 0.0)), ("forearmArm", "forearmWrist", (0.0, -250.0, 0.0))),
+    ),
+    "OpenXR": Skeleton(openxr, lambda _: ("XRHand_Wrist",), lambda _: (("XRHand_Palm", "XRHand_Wrist", (0, 60, -4)),)),
+    # Ring and little finger are on a bone that cups the palm; the arm has bones that share its twist.
+    "AdvancedSkeleton": Skeleton(
+        advanced,
+        lambda side: ("Root_M", "Spine1_M", "Chest_M", *(f"{n}_{side}" for n in ("Shoulder", "Elbow", "Wrist"))),
+        lambda side: (
+            (f"ElbowPart1_{side}", f"Elbow_{side}", (0.0, -60.0, 0.0)),
+            (f"Cup_{side}", f"Wrist_{side}", (10.0, 30.0, 0.0)),
+        ),
+        lambda side: dict.fromkeys(("ring", "little"), f"Cup_{side}"),
+    ),
+    # Volumes of collision are bones too.
+    "Second Life": Skeleton(
+        second_life,
+        lambda side: (
+            *("mPelvis", "mTorso", "mChest"),
+            *(f"m{part}{_long(side).title()}" for part in ("Collar", "Shoulder", "Elbow", "Wrist")),
+        ),
+        lambda side: ((f"{side}_HAND", f"mWrist{_long(side).title()}", (0.0, 50.0, 0.0)),),
+    ),
+}
+# Joints of two of them at rest, from the wrist on [mm]: Valve's open right hand (fingers forward along -Z, the thumb up
+# along Y, the back along X), and Second Life's left hand (fingers along Y, the back along Z).
+LOCATIONS: dict[str, dict[str, list[tuple[int, int, int]]]] = {
+    "SteamVR": {
+        "thumb": [(-18, 1, -35), (-23, 13, -73), (-28, 20, -105), (-33, 38, -128)],
+        "index": [(-5, 8, -29), (9, -34, -89), (6, -62, -123), (6, -80, -145), (8, -95, -163)],
+        "middle": [(0, -6, -17), (9, -54, -69), (9, -87, -96), (5, -112, -118), (6, -133, -133)],
+        "ring": [(1, -16, -7), (7, -66, -49), (6, -102, -69), (4, -127, -82), (1, -147, -92)],
+        "little": [(0, -24, 3), (5, -78, -29), (3, -107, -38), (-2, -124, -44), (-5, -141, -47)],
+    },
+    "Second Life": {
+        "thumb": [(31, 26, 4), (59, 58, 3), (82, 89, 2), (97, 114, 2)],
+        "index": [(38, 97, 15), (55, 133, 9), (69, 165, 3), (80, 190, -1)],
+        "middle": [(13, 101, 15), (12, 141, 9), (11, 190, 1), (9, 223, -5)],
+        "ring": [(-10, 99, 9), (-23, 137, 1), (-36, 177, -8), (-46, 205, -14)],
+        "little": [(-31, 95, 3), (-55, 120, -3), (-70, 138, -7), (-83, 154, -11)],
+    },
+}
+
+
+def skeleton(
+    scheme: str,
+    side: str = "R",
+    *,
+    bend: float = 12.0,
+    skin: bool = True,
+    made_up: bool = False,
+    lines: Mapping[str, np.ndarray] | None = None,
+) -> HandRig:
+    """Make the hand of `hand`, in metres, with the bones of `SKELETONS`.
+
+    Args:
+        made_up: bones end anywhere. lines: joints of each finger from its first bone on, of the side [mm], else those
+            of `joints`; a skin needs those.
+    """
+    kind = SKELETONS[scheme]
+    mirror = np.array([-1.0 if side == "L" else 1.0, 1.0, 1.0])
+    truth = joints(bend)
+    rows: dict[str, tuple[str, np.ndarray]] = {}
+    above = kind.above(side)
+    for i, name in enumerate(above):
+        rows[name] = above[i - 1] if i else "", np.array([0.0, -120.0 * (len(above) - 1 - i), 0.0])
+    helpers = kind.helpers(side)
+    for name, parent, at in helpers:
+        if not isinstance(at, str):
+            rows[name] = parent, np.array(at) * mirror
+    last, tips = {}, {}
+    for finger in FINGERS:
+        own = [(kind.name(finger, place, side), place) for place in range(5)]
+        there = [(name, place) for name, place in own if name is not None]
+        if lines is None:
+            line = truth[finger][0] * mirror
+            line = np.vstack([0.3 * line[0], line]) if there[0][1] == 0 else line
+        else:
+            line = lines[finger]
+        parent = kind.on(side).get(finger, above[-1])
+        for (name, place), at in zip(there, line, strict=False):
+            rows[name] = parent, at
+            parent = name
+            if place == 3:
+                last[finger] = name
+        tips[finger] = 1e-3 * line[-1]
+    for name, parent, at in helpers:
+        if isinstance(at, str):
+            rows[name] = parent, rows[at][1]
+    ends = {name: tips[finger] for finger, name in last.items()}
+    armature = _armature({name: (parent, 1e-3 * at) for name, (parent, at) in rows.items()}, ends, made_up)
+    made = _skin(armature, truth, kind.name, side, mirror, 1e-3, FINGERS) if skin else None
+    nails = {finger: unit(truth[finger][1][-1] * mirror) for finger in FINGERS}
+    return HandRig(armature, made, last, tips, nails)
+
+
+def _armature(
+    rows: Mapping[str, tuple[str, np.ndarray]], ends: Mapping[str, np.ndarray], made_up: bool
+) -> bpy.types.Object:
+    """Make an armature from each bone's parent and head; bones end at `ends`, at their first child, or anywhere."""
+    data = bpy.data.armatures.new("Armature")
+    armature = bpy.data.objects.new("Armature", data)
+    bpy.context.scene.collection.objects.link(armature)
+    bpy.context.view_layer.objects.active = armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    rng = np.random.default_rng(7)
+    for name, (parent, head) in rows.items():
+        bone = data.edit_bones.new(name)
+        after = [ends[name]] if name in ends else [at for above, at in rows.values() if above == name]
+        behind = head - rows[parent][1] if parent else np.array([0.0, 0.05, 0.0])
+        ahead = after[0] - head if after else 0.8 * behind
+        size = max(float(np.linalg.norm(ahead)), 0.01)
+        bone.head = head
+        bone.tail = head + (unit(rng.normal(size=3)) * 2 * size if made_up else size * unit(ahead))
+        bone.roll = rng.uniform(-3.0, 3.0)
+        bone.parent = data.edit_bones[parent] if parent else None
+    bpy.ops.object.mode_set(mode="OBJECT")
+    bpy.context.view_layer.update()
+    return armature
+
+
 Truth = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 

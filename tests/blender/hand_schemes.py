@@ -1,6 +1,7 @@
 """Hands under the naming schemes of many tools and languages, and how far fingers land from where they belong.
 
 Each scheme renames Rigify's metarig, with and without bones at the ends of its fingers, and a made hand with its skin.
+Skeletons of trackers, games and tools have bones of their own beside the fingers'.
 The reference of each is the same hand under names that are read without doubt.
 """
 
@@ -67,6 +68,32 @@ def misses() -> Iterator[tuple[str, str, Miss]]:
     for kind in KINDS:
         for scheme in SCHEMES:
             yield kind, scheme, miss(kind, scheme)
+    for scheme in hand_rigs.SKELETONS:
+        yield "own bones", scheme, skeleton_miss(scheme)
+
+
+def skeleton_miss(scheme: str, side: str = "R") -> Miss:
+    """Attach fingers to a hand with the bones of a tracker, game or tool, and compare them with the plainly named."""
+    wanted = _reference("skin and ends", side)
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    rig = hand_rigs.skeleton(scheme, side)
+    found = _attach(side)
+    wrong = [f for f in FINGERS if f not in found or found[f].parent_bone != rig.last[f]]
+    pads = [_apart(found[f], wanted[f][1]) if f in found else np.inf for f in FINGERS]
+    return Miss(len(wrong), 1e3 * max(pads))
+
+
+def _apart(finger: bpy.types.Object, pad: np.ndarray) -> float:
+    """Return the distance of a finger's pad from a place [m]."""
+    return float(np.linalg.norm(np.array(finger.matrix_world.translation) - pad))
+
+
+def _attach(side: str) -> dict[str, bpy.types.Object]:
+    """Attach fingers to the hand of a side; return them by their names' first word."""
+    bpy.context.view_layer.objects.active = next(o for o in bpy.data.objects if o.type == "ARMATURE")
+    bpy.ops.dermis.attach_fingers(hand=side)
+    bpy.context.view_layer.update()
+    return {o.name.split(".")[0].lower(): o for o in bpy.context.scene.objects if o.dermis.role == "FINGER"}
 
 
 def miss(kind: str, scheme: str, side: str = "R") -> Miss:
@@ -94,14 +121,10 @@ def _attached(kind: str, name: Name, side: str) -> dict[str, tuple[int, np.ndarr
     else:
         hand_rigs.hand(name, side, wrist=f"Palm.{side}", ends="ends" in kind, skin="skin" in kind)
         places = {name(finger, place, side): (finger, place) for finger in FINGERS for place in range(1, 5)}
-    bpy.context.view_layer.objects.active = next(o for o in bpy.data.objects if o.type == "ARMATURE")
-    bpy.ops.dermis.attach_fingers(hand=side)
-    bpy.context.view_layer.update()
     found = {}
-    for obj in (o for o in bpy.context.scene.objects if o.dermis.role == "FINGER"):
+    for name, obj in _attach(side).items():
         finger, place = places.get(obj.parent_bone, ("", 0))
-        same = obj.name.split(".")[0].lower() == finger
-        found[obj.name.split(".")[0].lower()] = (place if same else -1, np.array(obj.matrix_world.translation))
+        found[name] = (place if name == finger else -1, np.array(obj.matrix_world.translation))
     return found
 
 

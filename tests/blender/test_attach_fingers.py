@@ -81,6 +81,50 @@ def test_five_fingers_lie_where_the_hand_has_them(naming: str, skin: bool, side:
     assert sizes["index"] == pytest.approx(16.0, abs=1.5)
 
 
+@pytest.mark.parametrize("side", ["L", "R"])
+@pytest.mark.parametrize("bare", [False, True])
+@pytest.mark.parametrize("made_up", [False, True])
+@pytest.mark.parametrize("scheme", hand_rigs.SKELETONS)
+def test_skeletons_of_trackers_games_and_tools_have_five_fingers(
+    scheme: str, made_up: bool, bare: bool, side: str
+) -> None:
+    """Bones in the palm, ends, auxiliary bones at joints, a forearm on the wrist: none of them is a fingertip."""
+    rig = hand_rigs.skeleton(scheme, side, skin=not bare, made_up=made_up)
+    bpy.context.view_layer.objects.active = rig.armature
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert {o.name for o in fingers().values()} == {f"{f.title()}.{side}" for f in FINGERS}
+    if scheme == "Second Life" and made_up:  # it has no bones at the ends, and where its last bones end is made up
+        assert {f: o.parent_bone for f, o in fingers().items()} == rig.last
+    else:
+        check(rig)
+    assert "hand-unnamed" not in {f.code for f in reporting.findings()}
+
+
+@pytest.mark.parametrize("other", [False, True])
+@pytest.mark.parametrize(("scheme", "side", "back"), [("SteamVR", "R", (1, 0, 0)), ("Second Life", "L", (0, 0, 1))])
+def test_skeletons_at_their_own_rest_have_five_fingers(
+    scheme: str, side: str, back: tuple[int, int, int], other: bool
+) -> None:
+    mirror = np.array([1.0, 1.0, 1.0])
+    if other:  # the other hand is the mirror image: across the back of SteamVR's, along the arm of Second Life's
+        side, mirror = (
+            {"L": "R", "R": "L"}[side],
+            np.array([-1.0, 1.0, 1.0] if scheme == "SteamVR" else [1.0, -1.0, 1.0]),
+        )
+    lines = {finger: mirror * np.array(points, float) for finger, points in hand_rigs.LOCATIONS[scheme].items()}
+    rig = hand_rigs.skeleton(scheme, side, skin=False, lines=lines)
+    bpy.context.view_layer.objects.active = rig.armature
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    there = fingers()
+    assert {o.name for o in there.values()} == {f"{f.title()}.{side}" for f in FINGERS}
+    for finger, obj in there.items():
+        assert obj.parent_bone == rig.last[finger]
+        frame = np.array(obj.matrix_world)
+        assert finger == "thumb" or frame[:3, 2] @ (mirror * back) > 0.8, finger
+        ahead = (rig.tips[finger] - frame[:3, 3]) @ frame[:3, 1]
+        assert ahead == pytest.approx(1e-3 * obj.dermis.finger.skin.tip_mm, rel=0.3), finger
+
+
 @pytest.mark.parametrize("rest", ["L", "R", "BOTH"])
 def test_rigify_gets_its_nails_on_the_back_of_the_hand(rest: str) -> None:
     metarig = hand_rigs.rigify()
@@ -142,7 +186,7 @@ def test_a_mirrored_armature_is_a_hand_of_the_other_side(skin: bool, bend: float
 
 def test_millimetres_without_units_are_refused_with_the_way_out() -> None:
     made("Unreal", scale=1.0)
-    with pytest.raises(RuntimeError, match=r"no size that a skin can have.*Unit Scale 0.001"):
+    with pytest.raises(RuntimeError, match=r"size is out of range for a skin.*Unit Scale 0.001"):
         bpy.ops.dermis.attach_fingers()
     assert fingers() == {} and not any(m.name.startswith("Fingertip") for m in bpy.data.meshes if m.users)
 
@@ -492,7 +536,7 @@ def test_fingers_are_called_as_the_panel_says_in_every_reading(naming: str, side
 
 def test_a_reading_that_is_not_there_is_refused() -> None:
     made("Unreal")
-    with pytest.raises(RuntimeError, match=r"no such reading of the bones.*1 to"):
+    with pytest.raises(RuntimeError, match=r"no such interpretation of the bones.*1 to"):
         bpy.ops.dermis.attach_fingers(reading=99)
     assert fingers() == {}
 

@@ -34,6 +34,10 @@ SPELLED = {  # of the index finger's last bone on the left: finger, side, place
     "LeftHandIndex4_end": END,
     "b_l_index_null": END,
     "index_metacarpal_l": 0,
+    "leftIndexFingerKnuckle": 1,
+    "leftIndexFingerIntermediateBase": 2,
+    "leftIndexFingerIntermediateTip": 3,
+    "leftIndexFingerTip": END,
 }
 
 
@@ -214,4 +218,11 @@ def test_feet_and_faces_are_no_hands() -> None:
 def test_every_scheme_of_names_gives_the_same_fingers(scheme: str, kind: str) -> None:
     for side in "LR":
         found = hand_schemes.miss(kind, scheme, side)
+        assert found.wrong == 0 and found.pad_mm < 1.0, (side, found)
+
+
+@pytest.mark.parametrize("scheme", hand_rigs.SKELETONS)
+def test_every_skeleton_gives_the_same_fingers(scheme: str) -> None:
+    for side in "LR":
+        found = hand_schemes.skeleton_miss(scheme, side)
         assert found.wrong == 0 and found.pad_mm < 1.0, (side, found)

@@ -10,15 +10,16 @@ Source: [S1] eq. 5-18 with corrections: eq. 18 has A'f, and pin forces are bound
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array, Floats32
-from ..contact.solver.law_skin import LawSkin
+from ..contact.solver.law_skin import LawSkin, LawState
 from ..errors import DermisError
+from ..interpolate import smoothstep
 from ..skin.law_tables import LawTables
 from .bounded_lsq import BoundedLeastSquares, BoundedSolution
 from .pin_law import PinLaw, PinLook
@@ -27,6 +28,12 @@ Method = Literal["DM0", "DM1", "DM2", "FM0", "FM1", "FM2"]
 METHODS: tuple[Method, ...] = get_args(Method)
 
 RANK_TOLERANCE = 1e-10  # singular values below this share of the largest are rounding
+# The gradient by the law is used where it promises a displacement error that is lower by more than this share. From
+# twice this share on it is used in full, so that forces do not jump.
+MAY_LEAVE = 0.02
+# Residuals of the adjoint, see `Bend`: the rough one decides whether it pays to go on. Below the exact one, forces of
+# pins differ by less than what the law's own tolerance leaves.
+ROUGH, EXACT = 0.1, 3e-3
 
 
 class PinStep(NamedTuple):
@@ -215,6 +222,9 @@ class Matcher:
 class PinSolver:
     """Pin forces along a track by one method; each frame starts from the one before.
 
+    On nonlinear skin, DM2 searches a frame with the gradient of linear skin. Where the gradient by the law promises an
+    error that is lower by more than `MAY_LEAVE`, it searches once more with that gradient.
+
     Args:
         matcher: matrices of the skin and the pins.
         method: DM0 and FM0 are unconstrained as printed, DM1 and FM1 are clamped, and DM2 and FM2 are optimal within
@@ -245,6 +255,8 @@ class PinSolver:
         self.high = np.broadcast_to(np.asarray(most, np.float64), (matcher.pins,))[matcher.active]
         self._last = np.zeros(len(matcher.active))
         self._law = None if matcher.law is None else matcher.law.skin()
+        self._bent = None if matcher.law is None else matcher.law.skin()  # skin of the second search of a frame
+        self._bends = False  # whether the last frame had a second search
         self._quadratic = BoundedLeastSquares(matcher.gram(method), 0.0, self.high) if method.endswith("2") else None
 
     def solve(self, force: Array, amounts: Array | None = None) -> PinForces:
@@ -301,6 +313,7 @@ class PinSolver:
     def reset(self) -> None:
         """Return to rest, as before the first frame."""
         self._last = np.zeros(len(self.matcher.active))
+        self._bends = False
         if self._law is not None:
             self._law.reset()
 
@@ -308,24 +321,85 @@ class PinSolver:
         """Match on nonlinear skin and compute u_err by its law."""
         law = self.matcher.law
         assert law is not None
-        wanted, deforming = law.moved_by(force, amounts), self.method.startswith("DM")
-        step = PinStep(self._last, 0.0, True) if deforming else self._active(force)
+        wanted = law.moved_by(force, amounts)
+        if self.method.startswith("FM"):
+            step = self._active(force)
+            look = law.follow(skin, skin.save(), lambda _: step.x)
+            return PinStep(step.x, step.optimality, step.converged, look, law.apart(look.moved, wanted))
+        step = self._lagged(skin, skin.save(), wanted)
+        pull = self._pull(step, wanted) if self.method == "DM2" else None
+        bends, self._bends = self._bends, pull is not None
+        if pull is None:
+            return step
+        assert self._bent is not None and step.look is not None
+        near = skin.save()
+        bent = self._lagged(self._bent, self._bent.save() if bends else near._replace(before=near.now), wanted, pull)
+        assert bent.look is not None
+        looks = step.look.looks + bent.look.looks
+        if bent.look.usable and bent.displacement_error < step.displacement_error:
+            step = bent
+        assert step.look is not None
+        return step._replace(look=replace(step.look, looks=looks))
+
+    def _pull(self, step: PinStep, wanted: Floats32) -> Array | None:
+        """Return what the gradient by the law adds to that of linear skin [m^2/N], shape (pins,); None for nothing.
+
+        Displacement is nearly quadratic in the forces. The gradients then differ by twice the share of the correction
+        in the displacement, and the error that this leaves is at most 2 share^2. The adjoint is not computed where this
+        is below `MAY_LEAVE`.
+        """
+        law, look = self.matcher.law, step.look
+        assert law is not None and look is not None
+        if not look.usable or not step.displacement_error > 0.0 or not step.x.any():
+            return None
+        load = (self.matcher.pressed(step.x).ravel() / law.modulus).astype(np.float32)
+        less = law.tables.pulled(load) - look.moved
+        if 2.0 * law.share(look.moved, less) ** 2 <= MAY_LEAVE:
+            return None
+        downhill, bend = law.goal(wanted, less) @ law.rendered, law.bend(look.moved, wanted)
+        if self._promised(step, downhill + bend.solve(ROUGH)) <= 0.5 * MAY_LEAVE:
+            return None
+        pull = bend.solve(EXACT)
+        more = self._promised(step, downhill + pull)
+        return None if more <= MAY_LEAVE else float(smoothstep(np.array(more / MAY_LEAVE - 1.0))) * pull
+
+    def _promised(self, step: PinStep, downhill: Array) -> float:
+        """Return by which share the displacement error of a step is above that of the optimum that a gradient promises.
+
+        Args:
+            step: the step.
+            downhill: descent of half the squared error by the pins' forces, at no force [m^2/N], shape (pins,).
+        """
+        gram = self.matcher.deformation_gram
+        way = self._best(downhill).x - step.x
+        gained = float(2.0 * way @ (downhill - gram @ step.x) - way @ gram @ way)
+        left = 1.0 - gained / (self.matcher.nodes * step.displacement_error**2)
+        return float(1.0 / np.sqrt(max(left, 1e-12)) - 1.0)
+
+    def _lagged(self, skin: LawSkin, before: LawState, wanted: Floats32, pull: Array | None = None) -> PinStep:
+        """Match a displacement by the lagged correction.
+
+        Args:
+            skin: law of the skin; it ends in the state of this frame.
+            before: its state before the frame.
+            wanted: displacement of the virtual touch [m], shape (3 free,).
+            pull: difference of the gradients that is added, see `Bend`; None for the gradient of linear skin.
+        """
+        law, step = self.matcher.law, PinStep(self._last, 0.0, True)
+        assert law is not None
 
         def forces(less: Floats32) -> Array:
             nonlocal step
-            if deforming:
-                step = self._deforming(law.goal(wanted, less))
+            goal = law.goal(wanted, less)
+            if self._quadratic is None:
+                step = self._plain(self.matcher.rendered_inverse @ goal)
+            else:
+                downhill = goal @ law.rendered
+                step = self._best(downhill if pull is None else downhill + pull)
             return step.x
 
-        look = law.follow(skin, skin.save(), forces)
+        look = law.follow(skin, before, forces)
         return PinStep(step.x, step.optimality, step.converged, look, law.apart(look.moved, wanted))
-
-    def _deforming(self, goal: Array) -> PinStep:
-        """Return pin forces for a weighted target displacement of the compared nodes [m], shape (3n,)."""
-        if self._quadratic is None:
-            return self._plain(self.matcher.rendered_inverse @ goal)
-        assert self.matcher.law is not None
-        return self._best(goal @ self.matcher.law.rendered)
 
     def _active(self, force: Array) -> PinStep:
         matcher = self.matcher

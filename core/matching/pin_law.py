@@ -6,6 +6,10 @@ the pin forces x are computed on linear skin. The target of this computation is 
 plus c. The law is evaluated for these forces and gives the next c. Both steps alternate until the residual of the law
 is small. A frame starts from the c that linear extrapolation of the last two frames predicts, so on smooth paths one
 evaluation of the law is enough.
+
+With c held constant, the search follows the gradient of linear skin. Where the correction is large, the gradient by the
+law is another one, and pin forces exist that leave less. `Bend` computes the difference between both gradients with the
+adjoint of the law's tangent, and `PinSolver` searches once more with it where this pays.
 """
 
 from __future__ import annotations
@@ -22,8 +26,9 @@ from ..contact.solver.law_skin import LawSkin, LawState
 from ..skin.law_tables import LawTables
 from ..skin.model import SkinModel
 from ..skin.stimulus import Stimulus
+from .pin_bend import Bend
 
-MOST_LOOKS = 12  # largest number of evaluations of the law in one frame
+MOST_LOOKS = 12  # largest number of evaluations of the law in one search
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +114,30 @@ class PinLaw:
         """
         off = (first - second).astype(np.float64)[self.chosen] * self.weights
         return float(np.sqrt(off @ off / (len(off) // 3)))
+
+    def share(self, moved: Floats32, less: Floats32) -> float:
+        """Return the size of a correction c, relative to that of the displacement of linear skin.
+
+        Only the compared nodes count.
+
+        Args:
+            moved: displacement by the law [m], shape (3 free,).
+            less: correction c [m], shape (3 free,).
+        """
+        linear = self.goal(moved, less)
+        own = less.astype(np.float64)[self.chosen] * self.weights
+        return float(np.linalg.norm(own) / max(float(np.linalg.norm(linear)), 1e-30))
+
+    def bend(self, moved: Floats32, wanted: Floats32) -> Bend:
+        """Return the difference between the gradients by the law and on linear skin, to be computed by `Bend.solve`.
+
+        Args:
+            moved: displacement u under the pins by the law, not zero everywhere [m], shape (3 free,).
+            wanted: displacement of the virtual touch by the law [m], shape (3 free,).
+        """
+        off = np.zeros(len(moved), np.float32)
+        off[self.chosen] = (wanted - moved)[self.chosen] * self.weights**2
+        return Bend(self.tables, self.pins / self.modulus, moved, off)
 
     def follow(self, law: LawSkin, before: LawState, forces: Callable[[Floats32], Array]) -> PinLook:
         """Alternate between pin forces and the law until both agree.

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 
 KEPT = 8  # number of states whose displacement is kept, so that results of solved contact can be shown at once
 TOLERANCE, STEPS = 2e-3, 80  # residual at which an iteration ends, see `Miss.left`; largest number of its steps
+# Step of the difference quotient in `LawTables.stiffened`, as a share of the displacement. The error of a product is
+# then about 1e-4: the truncation grows with the square of the step, and the rounding of single precision with its
+# inverse.
+QUOTIENT = 3e-3
 
 
 class Miss(NamedTuple):
@@ -106,6 +110,22 @@ class LawTables:
     def forces(self, moved: Floats32) -> Floats32:
         """Return R(u), the forces that hold a displacement, shape (3 free,)."""
         return self.law.forces(self.nodes(moved)).reshape(-1)[self._free]
+
+    def yielded(self, force: Floats32) -> Floats32:
+        """Return the displacement of linear tissue K^-1 F, shape (3 free,), for forces on all free nodes."""
+        return self._rest.solve(force)
+
+    def stiffened(self, moved: Floats32, way: Floats32) -> Floats32:
+        """Return the product of the tangent stiffness dR/du and a direction, shape (3 free,).
+
+        It is a central difference of R(u).
+
+        Args:
+            moved: displacement u, not zero everywhere, shape (3 free,).
+            way: direction, not zero everywhere, shape (3 free,).
+        """
+        size = np.float32(QUOTIENT * np.linalg.norm(moved) / np.linalg.norm(way))
+        return np.asarray((self.forces(moved + size * way) - self.forces(moved - size * way)) / (2 * size))
 
     def nodes(self, moved: Floats32) -> Floats32:
         """Return the displacement of all nodes, shape (n, 3).

@@ -204,3 +204,24 @@ def test_degrees_are_those_of_the_pad(skin: SkinModel) -> None:
     nodes = tables.nodes(moved)
     assert np.array_equal(nodes.reshape(-1)[degrees(mesh.pad)], moved[tables.pad])
     assert not nodes[mesh.fixed].any()
+
+
+def test_the_product_with_the_tangent_is_that_of_the_law_in_double_precision(skin: SkinModel) -> None:
+    force, tables, rng = spread(skin, HEAVY), skin.law, np.random.default_rng(5)
+    moved = tables.state(force, tables.loaded(force))
+    free = degrees(skin.mesh.free)
+    exact = NeoHookean(skin.mesh, skin.material.poisson).tangent(tables.nodes(moved).astype(np.float64))[free][:, free]
+    for way in (moved, tables.yielded(rng.normal(size=tables.size).astype(np.float32))):
+        expected = exact @ way.astype(np.float64)
+        assert np.linalg.norm(tables.stiffened(moved, way) - expected) <= 1e-3 * np.linalg.norm(expected)
+
+
+def test_linear_tissue_yields_to_forces_inside_it_too(skin: SkinModel) -> None:
+    tables, rng = skin.law, np.random.default_rng(6)
+    force, other = (rng.normal(size=tables.size).astype(np.float32) for _ in range(2))
+    on_pad = np.zeros(tables.size, np.float32)
+    on_pad[tables.pad] = force[tables.pad]
+    pulled = tables.pulled(force[tables.pad])
+    assert np.linalg.norm(tables.yielded(on_pad) - pulled) <= 1e-4 * np.linalg.norm(pulled)
+    one, two = float(tables.yielded(force) @ other), float(tables.yielded(other) @ force)
+    assert one == pytest.approx(two, rel=1e-3)

@@ -56,6 +56,8 @@ class DERMIS_PT_told(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, f"{len(table['pairs']) - PAIRS} more pairs are in the saved table.", "INFO")
         words = "Simulated: an ideal observer who knows the real touches. Guessing gives 50 %."
         paragraph(layout, context, words, "INFO")
+        for finding in table["findings"]:
+            paragraph(layout, context, f"{finding[:1].upper()}{finding[1:]}.", "ERROR")
         layout.operator("dermis.save_told", icon="EXPORT", text="Save")
         compare.skipped(layout, context, table["skipped"])
 

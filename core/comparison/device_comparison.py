@@ -41,7 +41,7 @@ class Row:
         method: name of the matching method; '' if the device has only one.
         clipped: share of the samples that a limit changed, for the channel that was changed most; or the share at which
             the matching method was at a limit, if that is larger.
-        findings: findings of the rendering and of the track's check.
+        findings: findings of the rendering, of the track's check, and of playing the track.
         floor: least error of any pose of the device; None if it was not requested or does not exist.
     """
 
@@ -66,7 +66,7 @@ class Comparison:
         rows: results of the devices. Devices judged by stress come first; within each group, the error of the main
             measure rises.
         skipped: devices that were left out, with the reasons.
-        findings: warnings about the touch and about the skin for which all devices are matched.
+        findings: warnings about the touch, about the skin for which all devices are matched, and about playing tracks.
     """
 
     scene: str
@@ -130,7 +130,8 @@ def compare_devices(
         )
     rows.sort(key=lambda row: (row.judged.measures[0].name != "stress", row.judged.measures[0].off))
     touch = bake.skins[name].findings if name in bake.skins else ()
-    told = (*touch, *(f for f in bake.findings if f.where == f"finger '{name}'" and f not in touch))
+    told = [*touch, *(f for f in bake.findings if f.where == f"finger '{name}'" and f not in touch)]
+    told += [f for row in rows for f in row.judged.findings]
     warnings = tuple(f for f in told if f.severity != "info")
     return Comparison(scene.name, name, scene.duration, bake.content_hash, tuple(rows), tuple(skipped), warnings)
 
@@ -171,7 +172,9 @@ def row_of(output: Output, judged: Judged) -> Row:
     changed = max(track.limited.values(), default=0) / max(len(track.times), 1)
     clipped = min(max(changed, judged.limited), 1.0)
     method = str(track.meta.get("method", ""))
-    return Row(output.device, track.spec.name, track.spec.kind, method, judged, clipped, output.findings)
+    return Row(
+        output.device, track.spec.name, track.spec.kind, method, judged, clipped, (*output.findings, *judged.findings)
+    )
 
 
 def _unused(device: DeviceSpec) -> str:

@@ -19,7 +19,7 @@ from ..contact.skin_contact import SkinContact
 from ..devices.friction_screen import AMPLITUDE, FrictionScreen
 from ..devices.shear_tactor import ShearTactor
 from ..devices.voice_coil import DISPLACEMENT, VOLTAGE, VoiceCoil
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from ..pipeline.bake import Output
 from ..skin.model import SkinModel
 from ..skin.stimulus import Stimulus
@@ -76,12 +76,14 @@ class Judged:
         out_of_reach: share of the touched samples that the device cannot render.
         pad: pressure on the pad; None for a device that does not press on skin.
         limited: share of all samples at which the matching method was at a limit.
+        findings: problems found while the track was played.
     """
 
     measures: tuple[Measure, ...]
     out_of_reach: float
     pad: PadMap | None = None
     limited: float = field(default=0.0)
+    findings: tuple[Finding, ...] = ()
 
 
 def judge(output: Output, skin: SkinContact | None, parameters: Mapping[str, Any]) -> Judged | None:
@@ -162,7 +164,7 @@ def _pressing(output: Output, skin: SkinContact, parameters: Mapping[str, Any]) 
     samples = _looked_at(skin)
     times = skin.times[samples]
     target = np.stack([skin.force_at(i) for i in samples.tolist()])
-    shown, given = rendered_touches(output.track, skin, samples, parameters)
+    shown, given, findings = rendered_touches(output.track, skin, samples, parameters)
     felt = [skin.amounts_at(i) for i in samples.tolist()]
     wanted_stress, stress = _stress(skin.model, target, felt), _stress(skin.model, shown, given)
     wanted_size, size = (np.sqrt(np.square(s).mean(axis=(1, 2))) for s in (wanted_stress, stress))
@@ -184,6 +186,7 @@ def _pressing(output: Output, skin: SkinContact, parameters: Mapping[str, Any]) 
         float(missed.sum() / max(asked.sum(), 1)),
         PadMap(skin.model.positions[:, :2], wanted_pad, pad, float(times[strongest])),
         max([float(at.mean()) for at in limits] + [held]),
+        findings,
     )
 
 

@@ -6,7 +6,7 @@ The functions serve all kinds of devices that press on skin.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +14,28 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..contact.skin_contact import SkinContact
 from ..devices.coupling import coupling_of
+from ..errors import Finding
 from ..interpolate import interpolate
 from ..matching import pins
-from ..matching.replay import Replay, configurations
+from ..matching.replay import Replay, configurations, unsettled
 from ..matching.table import press_of
 from ..matching.thimble_use import by_stress, disc_device
 from ..parameters.device import DEVICE
 from ..track.command_track import CommandTrack
+
+
+class RenderedTouches(NamedTuple):
+    """Effect of a device on the skin at some samples of a touch.
+
+    Attributes:
+        forces: forces on the pad nodes [N], shape (k, m, 3).
+        given: `Stimulus.given` of each sample.
+        findings: samples in which the nonlinear law did not converge.
+    """
+
+    forces: Array
+    given: list[Array | None]
+    findings: tuple[Finding, ...] = ()
 
 
 def rendered_forces(
@@ -30,12 +45,12 @@ def rendered_forces(
 
     The forces [N] have the shape (k, m, 3); see `rendered_touches`.
     """
-    return rendered_touches(track, skin, samples, parameters)[0]
+    return rendered_touches(track, skin, samples, parameters).forces
 
 
 def rendered_touches(
     track: CommandTrack, skin: SkinContact, samples: NDArray[np.intp], parameters: Mapping[str, Any]
-) -> tuple[Array, list[Array | None]]:
+) -> RenderedTouches:
     """Return the effect on the skin while a track is played.
 
     A device that is matched by stress is replayed from its first sample, because friction depends on the history. Any
@@ -45,9 +60,6 @@ def rendered_touches(
         samples: indices of the touch's samples, rising, shape (k,).
         parameters: settings of the device in the scene.
 
-    Returns:
-        Forces on the pad nodes [N], shape (k, m, 3), and `Stimulus.given` of each sample.
-
     Raises:
         DermisError: the device cannot play the track.
     """
@@ -56,19 +68,22 @@ def rendered_touches(
         ready = pins.setup(skin.model, track.spec, DEVICE["pin_nodes"].of(parameters))
         lead = float(track.meta.get("lead_s", 0.0))  # [s] time by which the track is ahead of the pins' forces
         pressed = interpolate(track.times, track.values, np.clip(times - lead, track.times[0], track.times[-1]))
-        return np.stack([pins.rendered_force(ready, row) for row in pressed]), [None] * len(pressed)
+        return RenderedTouches(np.stack([pins.rendered_force(ready, row) for row in pressed]), [None] * len(pressed))
     if by_stress(track.spec, parameters):
         device, friction = disc_device(track.spec, skin.pressed, parameters)
         replay = Replay(device, skin.pressed, friction, configurations(track, device))
         at = np.abs(track.times[None] - times[:, None]).argmin(axis=1)
         found = [replay.solution(i) for i in at.tolist()]
-        return np.stack([replay.contact.nodal(each) for each in found]), [each.amounts for each in found]
+        forces, given = np.stack([replay.contact.nodal(each) for each in found]), [each.amounts for each in found]
+        return RenderedTouches(forces, given, replay.findings(track.spec.name))
     commands = interpolate(track.times, track.values, np.clip(times, track.times[0], track.times[-1]))
     coupling = coupling_of(track.spec)
     if coupling is not None:
         commands = coupling.original(commands)
     made = press_of(skin.model, track.spec).press(commands)
-    given: list[Array | None] = [None] * len(commands)
+    given = [None] * len(commands)
     if made.amounts is not None:
         given = list(made.amounts.astype(np.float64))
-    return made.force.astype(np.float64), given
+    off = np.flatnonzero(made.left > 0.0)
+    told = unsettled(len(off), track.spec.name, int(samples[off[0]]) if len(off) else 0)
+    return RenderedTouches(made.force.astype(np.float64), given, told)

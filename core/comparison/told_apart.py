@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..arrays import Array
 from ..contact.skin_contact import SkinContact
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from ..pipeline.bake import Output, Progress
 from ..pipeline.render import render
 from ..presets import Library
@@ -75,6 +75,7 @@ class Told:
         real: answers for the real touches, one for each pair.
         rows: answers for the rendered touches, one row for each device and method.
         skipped: devices that were left out, with the reasons.
+        findings: problems found while the devices' tracks were played.
     """
 
     scene: str
@@ -84,6 +85,7 @@ class Told:
     real: tuple[Answer, ...]
     rows: tuple[ToldRow, ...]
     skipped: tuple[Skipped, ...]
+    findings: tuple[Finding, ...] = ()
 
 
 def tell_apart(
@@ -116,18 +118,20 @@ def tell_apart(
     real = looked.read(afferents, real_states(skin, every))
     pairs = tuple(combinations(range(len(touches)), 2))
     uses = {(use.preset, _method_of(use)): use.parameters for use in worn.fingers[number].devices}
-    rows = []
+    rows, findings = [], list[Finding]()
     for step, output in enumerate(o for o in bake.outputs if o.finger == name):
         yield Progress("judging", 1 + step, 1 + len(bake.outputs))
         method = str(output.track.meta.get("method", ""))
         parameters = uses.get((output.device, method), uses.get((output.device, ""), {}))
         try:
-            read = looked.read(afferents, _rendered(output, skin, every, parameters))
+            states, told_of = _rendered(output, skin, every, parameters)
+            read = looked.read(afferents, states)
         except DermisError as error:
             skipped.append(Skipped(output.device, output.track.spec.name, str(error).rstrip(".")))
             continue
         answers = [_answer(read, pair, afferents.noise, real) for pair in pairs]
         rows.append(ToldRow(output.device, output.track.spec.name, method, tuple(answers)))
+        findings += told_of
     have = {row.device for row in rows} | {s.device for s in skipped}
     for key in {use.preset: None for use in worn.fingers[number].devices}:
         if key not in have:
@@ -142,6 +146,7 @@ def tell_apart(
         tuple(_answer(real, pair, afferents.noise, real) for pair in pairs),
         tuple(rows),
         tuple(skipped),
+        tuple(findings),
     )
 
 
@@ -270,9 +275,10 @@ def real_states(skin: SkinContact, samples: NDArray[np.intp]) -> list[Stimulus]:
 
 def _rendered(
     output: Output, skin: SkinContact, samples: NDArray[np.intp], parameters: Mapping[str, Any]
-) -> list[Stimulus]:
-    forces, given = rendered_touches(output.track, skin, samples, parameters)
-    return [Stimulus(skin.model, force, given=amounts) for force, amounts in zip(forces, given, strict=True)]
+) -> tuple[list[Stimulus], tuple[Finding, ...]]:
+    forces, given, findings = rendered_touches(output.track, skin, samples, parameters)
+    both = zip(forces, given, strict=True)
+    return [Stimulus(skin.model, force, given=amounts) for force, amounts in both], findings
 
 
 def _answer(read: Sequence[Array], pair: tuple[int, int], noise: float, real: Sequence[Array]) -> Answer:

@@ -34,13 +34,13 @@ def lines(found: Told) -> list[tuple[str, ...]]:
 
 
 def text(found: Told) -> str:
-    """Return the touches, the table and the skipped devices for a terminal."""
+    """Return the touches, the table, the skipped devices and the findings for a terminal."""
     out = [
         f"touch {k}: {touch.start:.2f} to {touch.end:.2f} s, from frame {touch.frame:g}"
         for k, touch in enumerate(found.touches, 1)
     ]
     out += ["", *aligned(lines(found)), ""]
-    return "\n".join([*out, *(f"skipped: {s.title}: {s.why}" for s in found.skipped), NOTE])
+    return "\n".join([*out, *(f"skipped: {s.title}: {s.why}" for s in found.skipped), *map(str, found.findings), NOTE])
 
 
 def csv(found: Told) -> str:
@@ -49,6 +49,7 @@ def csv(found: Told) -> str:
     out = ["# dermis-told-apart 1", *(f"# {k}: {v}".replace("\n", " ") for k, v in about.items())]
     out += [f"# touch {k}: {t.start:.6g} to {t.end:.6g} s" for k, t in enumerate(found.touches, 1)]
     out += [f"# skipped {s.device}: {s.why}".replace("\n", " ") for s in found.skipped]
+    out += [f"# {finding}".replace("\n", " ") for finding in found.findings]
     out.append("device,method,first,second,d_any,d_as_real,right")
     for device, method, answers in (("", "", found.real), *((r.device, r.method, r.answers) for r in found.rows)):
         for (i, j), a in zip(found.pairs, answers, strict=True):
@@ -74,6 +75,7 @@ def as_dict(found: Told) -> dict[str, Any]:
             for d, t, m, answers in rows
         ],
         "skipped": [{"title": s.title, "why": s.why} for s in found.skipped],
+        "findings": [f"{f.what}. {f.remedy}".rstrip(". ") for f in found.findings],
     }
 
 

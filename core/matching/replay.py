@@ -13,7 +13,7 @@ from ..devices.disc_device import DiscDevice
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.servo_limits import SERVOS
 from ..devices.spec import DeviceSpec
-from ..errors import DermisError
+from ..errors import DermisError, Finding
 from ..skin.model import SkinModel
 from ..surrogate.store import contact_of
 from ..track.command_track import CommandTrack
@@ -44,6 +44,7 @@ class Replay:
         self.device, self.x, self.contact = device, x, contact_of(device, skin, friction)
         self._states = {0: FrictionState.rest(self.contact.count)}  # before the sample
         self._now = (0, self._states[0])
+        self._unsettled: set[int] = set()
 
     def __len__(self) -> int:
         return len(self.x)
@@ -66,12 +67,20 @@ class Replay:
         if not 0 <= sample < len(self.x):
             raise DermisError("no such sample", where="replay", value=sample, limit=f"0 to {len(self.x) - 1}")
         state = self._before(sample)
-        solution = self._solved(state, self.x[sample])
+        solution = self._solved(state, self.x[sample], sample)
         after = self._after(solution)
         self._now = (sample + 1, after)
         if ahead is not None:
-            solution = self._solved(after, ahead)
+            solution = self._solved(after, ahead, sample)
         return solution
+
+    def findings(self, device: str) -> tuple[Finding, ...]:
+        """Return a finding if the nonlinear law did not converge in samples that were solved so far.
+
+        Args:
+            device: name of the device.
+        """
+        return unsettled(len(self._unsettled), device, min(self._unsettled, default=0))
 
     def _before(self, sample: int) -> FrictionState:
         """Return the friction state at the begin of a sample."""
@@ -80,17 +89,45 @@ class Replay:
         if start < self._now[0] <= sample:
             start, state = self._now
         for i in range(start, sample):
-            state = self._after(self._solved(state, self.x[i]))
+            state = self._after(self._solved(state, self.x[i], i))
             if (i + 1) % INTERVAL == 0:
                 self._states[i + 1] = state
         return state
 
-    def _solved(self, state: FrictionState, x: Array) -> DiscSolution:
+    def _solved(self, state: FrictionState, x: Array, sample: int) -> DiscSolution:
         self.contact.hold(state)
-        return self.contact.solve(placed(self.device, self.device.pose(x)))
+        solution = self.contact.solve(placed(self.device, self.device.pose(x)))
+        if solution.touching and not solution.settled:
+            self._unsettled.add(sample)
+        return solution
 
     def _after(self, solution: DiscSolution) -> FrictionState:
         return self.contact.settle(solution) if solution.touching else FrictionState.rest(self.contact.count)
+
+
+def unsettled(count: int, device: str, first: int) -> tuple[Finding, ...]:
+    """Return the finding for samples of a track whose contact was not settled by the nonlinear law; none for 0 samples.
+
+    Args:
+        count: number of samples.
+        device: name of the device.
+        first: index of the first sample.
+    """
+    if not count:
+        return ()
+    return (
+        Finding(
+            "warning",
+            "law-unsettled",
+            f"the nonlinear law did not converge while the commands of {device} were played: the forces of these "
+            "samples, and the errors computed from them, are uncertain",
+            "",
+            f"from sample {first}",
+            "convergence",
+            "Use more samples per second, or touch less deeply",
+            count=count,
+        ),
+    )
 
 
 def configurations(track: CommandTrack, device: DiscDevice) -> Array:

@@ -14,7 +14,11 @@ import pytest
 
 from core.cache import Cache
 from core.comparison import device_comparison, report, wearing
+from core.comparison.measures import judge
 from core.comparison.rendered_forces import rendered_forces
+from core.devices.disc_device import seated
+from core.devices.first_contact import first_contact
+from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.pipeline.render import render
 from core.presets import Library
@@ -22,6 +26,7 @@ from core.scene.from_poses import scene_from_poses
 from core.scene.tactile_scene import Body, DeviceUse, Finger, TactileScene
 from core.steps import drain
 from core.surface.gap import Surface
+from core.surrogate.store import contact_of
 
 RATE, DEPTH = 120.0, 0.8e-3
 SKIN = {"skin_level": "draft", "contact": "nodes"}
@@ -74,6 +79,30 @@ def test_rendered_forces_are_those_that_the_renderers_report(cache: Cache) -> No
         assert forces.shape == (len(samples), skin.model.pad_count, 3)
         told = np.interp(skin.times[samples], output.track.times, output.signals[signal])
         assert forces.sum(axis=1)[:, 2] == pytest.approx(told, rel=0.08, abs=0.02)
+
+
+def test_commands_under_which_tissue_does_not_settle_are_told(
+    found: device_comparison.Comparison, cache: Cache
+) -> None:
+    """Played 6 mm deep, a thimble's disc is beyond what the law holds: its row and all reports say so."""
+    scene = touch((DeviceUse("thimble_3rrs"),))
+    finger = replace(scene.fingers[0], parameters={**SKIN, "tissue": "neo_hookean"})
+    bake = drain(render(replace(scene, fingers=(finger,)), Library(), cache=cache))
+    output, skin = bake.outputs[0], bake.skins["Index"]
+    device = mechanism(output.track.spec)
+    assert not judge(output, skin, {}).findings
+    x = seated(device, 0.0, 0.0, first_contact(device, contact_of(device, skin.pressed, 0.6), 0.0, 0.0) - 6e-3)
+    values = output.track.values.copy()
+    for name, angle in zip(("servo_1", "servo_2", "servo_3"), device.joints(x)[0], strict=True):
+        values[-len(values) // 3 :, [c.name for c in output.track.spec.channels].index(name)] = angle
+    deep = replace(output, track=replace(output.track, values=values))
+    judged = judge(deep, skin, {})
+    (told,) = judged.findings
+    assert told.code == "law-unsettled" and told.count > 1 and output.track.spec.name in told.what
+    assert told in device_comparison.row_of(deep, judged).findings
+    made = replace(found, findings=judged.findings)
+    assert told.what in report.text(made) and told.what in report.csv(made)
+    assert any(told.what in words for words in report.as_dict(made)["findings"])
 
 
 def test_a_device_that_is_worn_keeps_its_settings_and_others_leave(cache: Cache) -> None:

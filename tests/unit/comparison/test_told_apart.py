@@ -12,7 +12,7 @@ from core.__main__ import main
 from core.comparison import told_apart, told_report
 from core.comparison.afferents import Afferents
 from core.contact.skin_contact import SkinContact
-from core.errors import DermisError
+from core.errors import DermisError, Finding
 from core.pipeline.render import run
 from core.presets import Library
 from core.scene import scene_file
@@ -70,6 +70,14 @@ def test_the_method_that_a_finger_uses_is_among_them() -> None:
     made, _ = told_apart._wearing(worn, Library(), 0)
     methods = [use.parameters["pin_method"] for use in made.fingers[0].devices if use.preset == "pin_array_128"]
     assert methods == ["FM1", "DM2", "FM2"]
+
+
+def test_what_playing_a_track_finds_is_in_all_reports(found: told_apart.Told) -> None:
+    finding = Finding("warning", "law-unsettled", "the law did not converge", remedy="Touch less deeply")
+    made = replace(found, findings=(finding,))
+    assert found.findings == () and told_report.as_dict(found)["findings"] == []
+    assert str(finding) in told_report.text(made).splitlines() and f"# {finding}" in told_report.csv(made).splitlines()
+    assert told_report.as_dict(made)["findings"] == ["the law did not converge. Touch less deeply"]
 
 
 def test_one_touch_and_too_many_are_refused() -> None:

@@ -1,4 +1,4 @@
-"""The gradient by the law of the pins' displacement error: against finite differences of the law in double precision."""
+"""The gradient of the pins' error by the law, against finite differences of the law in double precision; its use."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ def ready() -> pins.PinSetup:
 
 
 @lru_cache
-def dragged() -> tuple[tuple[Array, Array], ...]:
+def dragged() -> tuple[tuple[Array, Array | None], ...]:
     """Return forces on the nodes of a dragged plane, and what they keep, of every frame."""
     return touched(slide(COUNT))
 
 
-def touched(touch: Any) -> tuple[tuple[Array, Array], ...]:
+def touched(touch: Any) -> tuple[tuple[Array, Array | None], ...]:
     path = solver_on(skin())
     steps = [path.step(touch.bodies(i)) for i in range(len(touch.position))]
     return tuple((step.nodal.ravel(), step.amounts) for step in steps)
@@ -146,16 +146,15 @@ def test_where_nothing_is_left_gradients_do_not_differ() -> None:
 def test_a_tangent_that_is_not_positive_ends_the_search() -> None:
     tables = skin().law
     rng = np.random.default_rng(1)
-    spacing = float(
-        np.median(np.linalg.norm(np.diff(skin().mesh.nodes[skin().mesh.tetrahedra[:, :2]], axis=1), axis=2))
-    )
+    edges = np.diff(skin().mesh.nodes[skin().mesh.tetrahedra[:, :2]], axis=1)
+    spacing = float(np.median(np.linalg.norm(edges, axis=2)))
     moved = (spacing * rng.normal(size=tables.size)).astype(np.float32)
     bend = Bend(tables, ready().distribution, moved, rng.normal(size=tables.size).astype(np.float32))
     assert np.isfinite(bend.solve(1e-4)).all() and not bend.definite
 
 
 def test_a_dragged_plane_is_matched_as_the_law_would_have_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One and a half times what the search on linear skin leaves beyond the optimum is gone, and never is more left."""
+    """The search on linear skin leaves over 2 % more than the optimum, the one with the law's gradient under 1 %."""
     exact, law = Exact(), ready().matcher.law
     assert law is not None
     force, amounts = dragged()[DRAGGED]

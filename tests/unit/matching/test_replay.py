@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.devices.disc_device import seated
+from core.devices.first_contact import first_contact
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.replay import INTERVAL, Replay, configurations
 from core.matching.thimble import match_touch
 from core.matching.thimble_use import prepare
+from core.surrogate.store import contact_of
 from core.track.command_track import CommandTrack
 from tests import touches
 
@@ -46,3 +49,22 @@ def test_a_tracks_angles_give_its_poses(spec, matched):
 def test_poses_that_are_none_are_refused(skin, spec, x):
     with pytest.raises(DermisError, match="configurations are"):
         Replay(mechanism(spec), skin, 0.6, x)
+
+
+def test_contacts_that_do_not_settle_are_told_once_each(skin, device):
+    """A disc 6 mm deep is beyond what the law holds; samples on the way to a wanted one count too."""
+    law = skin.with_law()
+    contact = contact_of(device, law, 0.6)
+    first = first_contact(device, contact, 0.0, 0.0)
+    deep = [seated(device, 0.0, 0.0, first - depth) for depth in (-0.5e-3, 0.5e-3, 6e-3, 6e-3, -0.5e-3)]
+    replay = Replay(device, law, 0.6, np.array(deep))
+    replay.solution(1)
+    assert replay.findings("A thimble") == ()
+    for _ in range(2):
+        assert replay.solution(4).settled
+        (found,) = replay.findings("A thimble")
+        assert (found.code, found.severity, found.count) == ("law-unsettled", "warning", 2)
+        assert "A thimble" in found.what and "sample 2" in str(found)
+    linear = Replay(device, skin, 0.6, np.array(deep))
+    linear.solution(4)
+    assert linear.findings("A thimble") == ()

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import bpy
 
-from . import changes
+from . import changes, views
 from ._core import core
 
 T = TypeVar("T", bound=type)
@@ -17,15 +17,20 @@ _fingers: core.recent.Recent[tuple[int, int, int], tuple[tuple[str, None], ...]]
 
 def needs(test: Callable[[bpy.types.Context], Any], message: str = "") -> Callable[[T], T]:
     """Return a decorator: an operator or panel is available if a test holds.
+
+    A panel is also hidden until the modules that panels query are loaded, because its draw must not load them.
+
     Args:
         message: tooltip of an operator's button that cannot be pressed: the step that has to come first.
     """
 
     def decorate(decorated: T) -> T:
+        panel = issubclass(decorated, bpy.types.Panel)
+
         def poll(cls: Any, context: bpy.types.Context) -> bool:
             if message:
                 cls.poll_message_set(message)
-            return bool(test(context))
+            return (not panel or views.there()) and bool(test(context))
 
         setattr(decorated, "poll", classmethod(poll))  # noqa: B010  # mypy knows no attribute of T
         return decorated

@@ -92,6 +92,7 @@ class DERMIS_UL_design_touches(bpy.types.UIList):
             row.label(text={"none": "not baked", "stale": "out of date", "earlier": "earlier"}[state], icon="ERROR")
 
 
+@needs(lambda _context: True)
 class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
     """How few motors render these touches."""
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import jobs
+from .. import jobs, views
 from ..hands import armatures
 from ..layouts import paragraph
 from ..polls import finger_at_hand
@@ -33,6 +33,9 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the next step with its button, and probable mistakes."""
         layout, scene = self.layout, context.scene
+        if not views.there():
+            layout.label(text="Loading...", icon="SORTTIME")
+            return
         there = summary.of(scene)
         if there.newer:
             box = layout.box()

@@ -11,6 +11,7 @@ import bpy
 from .. import choices
 from .._core import core
 from ..layouts import paragraph
+from ..polls import needs
 from ..quantities import quantity
 from ..streaming import board_identity, built_devices, calibration_offers, session, stream_log, streamed_track
 from ..viewport import shown
@@ -19,6 +20,7 @@ from .main import DermisPanel
 FIRST = "First Device of the Bake"
 
 
+@needs(lambda _context: True)
 class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
     """The live link."""
 

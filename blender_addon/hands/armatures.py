@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Euler, Matrix
 
 from .._core import Array
 from .bone_names import side_of
@@ -218,6 +219,42 @@ def pose_of(armature: bpy.types.Object, bone: str) -> Array:
         return np.eye(4)
     world, posed = armature.matrix_world, armature.pose.bones[bone]
     return np.array(world @ posed.matrix @ posed.bone.matrix_local.inverted() @ world.inverted(), np.float64)
+
+
+def to_middle(part: bpy.types.Object, bone: str) -> Array | None:
+    """Return the matrix that turns a bone, or a link, from its rest to the middle of the range of its joint.
+
+    Its shape is (3, 3), and it is in the scene's space. The range is that of *Limit Rotation* in local space, or of
+    inverse kinematics. The result is None if there are no limits.
+    """
+    owner = part.pose.bones[bone] if bone else part
+    limits = _limits(owner)
+    if not limits:
+        return None
+    if bone:
+        axes, rest = part.matrix_world @ owner.bone.matrix_local, Euler()
+    else:
+        axes, rest = part.matrix_world @ part.matrix_basis.inverted(), part.matrix_basis.to_euler()
+    middle = rest.copy()
+    for axis, (low, high) in limits.items():
+        middle[axis] = 0.5 * (low + high)
+    frame = np.array(axes, np.float64)[:3, :3]
+    turn = np.array(middle.to_matrix(), np.float64) @ np.array(rest.to_matrix(), np.float64).T
+    turned: Array = frame @ turn @ np.linalg.inv(frame)
+    return turned
+
+
+def _limits(owner: Any) -> dict[int, tuple[float, float]]:
+    """Return the limits of the rotation about the local axes 0 to 2 that have some [rad]."""
+    found: dict[int, tuple[float, float]] = {}
+    for axis, letter in enumerate("xyz"):
+        if getattr(owner, f"use_ik_limit_{letter}", False):
+            found[axis] = getattr(owner, f"ik_min_{letter}"), getattr(owner, f"ik_max_{letter}")
+        for limit in owner.constraints:
+            local = limit.type == "LIMIT_ROTATION" and limit.owner_space == "LOCAL" and not limit.mute
+            if local and getattr(limit, f"use_limit_{letter}"):
+                found[axis] = getattr(limit, f"min_{letter}"), getattr(limit, f"max_{letter}")
+    return found
 
 
 def carrier(armature: bpy.types.Object, bone: str) -> Matrix:

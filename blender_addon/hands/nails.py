@@ -7,7 +7,7 @@ use Blender.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +48,7 @@ def nails(
     *,
     given: bool = False,
     rigid: bool = False,
+    bounded: bool = False,
 ) -> Nails:
     """Return the directions of the nails of a hand.
 
@@ -61,8 +62,11 @@ def nails(
             frames of the first joints need not lie along the finger, so only the last joint and phalanx count.
             Importers set joints to zero, whichever way that bends a finger, so the side is sure only if the thumb shows
             it too.
+        bounded: `bends` are those in the middle of the joints' limits, which count alone.
     """
     curls = {finger: 0.5 * (curl(line, finger, rigid) + bends[finger]) for finger, line in lines.items()}
+    if bounded:
+        curls = dict(bends)
     palm = _palm(lines, None if rigid else wrist)
     if palm is None:
         found = {finger: _square(lines[finger], curls[finger] + 1e-6 * _any(lines[finger])) for finger in lines}
@@ -76,7 +80,7 @@ def nails(
     if not side:
         thumb = _thumb_vote(lines, back)
         bent, vote = vote, vote + thumb
-        shown = max(abs(thumb) - _OUT, 0.0) * np.sign(thumb) if rigid or abs(bent) <= _SURE else vote
+        shown = max(abs(thumb) - _OUT, 0.0) * np.sign(thumb) if (rigid and not bounded) or abs(bent) <= _SURE else vote
         sure = bool(abs(vote) > _SURE and shown * vote > 0.0)
     if given and vote < 0.0:
         curls = {finger: 0.0 * curled for finger, curled in curls.items()}
@@ -101,6 +105,20 @@ def curl(line: Array, finger: str, rigid: bool = False) -> Array:
     ways = ways[-2:] if rigid or finger == FINGERS[0] else ways[-3:]
     axis = np.cross(ways[:-1], ways[1:]).sum(axis=0)
     return -np.cross(axis, ways[-1])
+
+
+def bend_of_turns(line: Array, turns: Sequence[Array | None], finger: str) -> Array:
+    """Return `curl` of a finger whose joints are turned, rotated back to the rest, shape (3,).
+
+    Args:
+        turns: the matrix that turns each of its bones about its head, shape (3, 3); None for no turn.
+    """
+    moved, points = np.eye(3), [line[0]]
+    for turn, step in zip(turns, np.diff(line, axis=0), strict=True):
+        moved = moved if turn is None else moved @ turn
+        points.append(points[-1] + moved @ step)
+    back: Array = np.linalg.inv(moved) @ curl(np.array(points), finger)
+    return back
 
 
 def _palm(lines: Mapping[str, Array], wrist: Array | None) -> tuple[Array, Array, Array] | None:

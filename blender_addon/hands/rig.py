@@ -12,7 +12,7 @@ from .._core import Array, DermisError
 from . import armatures
 from .bone_names import LEFT, RIGHT
 from .bound_skin import BoundSkin, bound_skin, own_skin
-from .nails import Nails, curl, nails
+from .nails import Nails, bend_of_turns, curl, nails
 from .readings import found_hands
 from .skeleton import Bone, Chain, Hand, along_body, ancestors, joints, wrist_at
 
@@ -66,8 +66,13 @@ class Rig:
     def nails(self, hand: Hand) -> Nails:
         """Return the directions of a hand's nails at rest."""
         lines, bends = {}, {}
+        turns = {f: [armatures.to_middle(*self.places[b]) for b in chain.bones] for f, chain in hand.chains.items()}
+        bounded = any(turn is not None for own in turns.values() for turn in own)
         for finger, chain in hand.chains.items():
             lines[finger] = line = joints(self.bones, chain)
+            if bounded:
+                bends[finger] = bend_of_turns(line, turns[finger], finger)
+                continue
             moves = [self.move(bone) for bone in (*chain.bones, chain.last)]
             posed = [move[:3, :3] @ point + move[:3, 3] for move, point in zip(moves, line, strict=True)]
             bends[finger] = rotation(moves[-1]).T @ curl(np.array(posed), finger, not self.has_bones)
@@ -76,7 +81,7 @@ class Rig:
         if self.armatures[0].matrix_world.determinant() < 0.0 and not hand.given:
             side = {LEFT: RIGHT, RIGHT: LEFT}.get(side, side)
         wrist = wrist_at(self.bones, hand.wrist, hand.chains.values())
-        return nails(lines, wrist, side, bends, given=hand.given, rigid=not self.has_bones)
+        return nails(lines, wrist, side, bends, given=hand.given, rigid=not self.has_bones, bounded=bounded)
 
     def move(self, bone: str) -> Array:
         """Return the matrix from the rest of a bone to its pose, shape (4, 4)."""

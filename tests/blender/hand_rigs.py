@@ -387,6 +387,12 @@ def _armature(
     return armature
 
 
+def limit_x(owner: bpy.types.Object | bpy.types.PoseBone, low: float, high: float) -> None:
+    """Limit the rotation about the local X."""
+    limit = owner.constraints.new("LIMIT_ROTATION")
+    limit.owner_space, limit.use_limit_x, limit.min_x, limit.max_x = "LOCAL", True, low, high
+
+
 Truth = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
@@ -417,6 +423,7 @@ def linked(
     ends: bool = True,
     behind: bool = False,
     laden: bool = False,
+    limits: tuple[float, float] | None = None,
 ) -> LinkedHand:
     """Make a robot's hand: an empty for each link, which its body hangs on, and more for frames and ends.
 
@@ -425,14 +432,19 @@ def linked(
         wide, thick: of the bodies. beside: distance of the links' frames from their fingers, along the axes of the
             joints [mm]. The first link's frame is moved out of the back too, as it lies anywhere along its own axis.
         ends: there are frames at the ends, and sensors before them. behind: a last link's body is not its own but hangs
-            on the frame of its end, behind it. laden: bodies carry a frame.
+            on the frame of its end, behind it. laden: bodies carry a frame. limits: range of the last two joints, a
+            bend is positive [rad]; frames then have the axis of their joint as X.
     """
 
-    def frame(called: str, parent: bpy.types.Object | None, at: np.ndarray) -> bpy.types.Object:
+    def frame(
+        called: str, parent: bpy.types.Object | None, at: np.ndarray, axes: np.ndarray | None = None
+    ) -> bpy.types.Object:
         made = empty(called)
         made.parent = parent
         bpy.context.view_layer.update()
-        made.matrix_world = Matrix.Translation(at.tolist())
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = np.eye(3) if axes is None else axes, at
+        made.matrix_world = Matrix(matrix.tolist())
         bpy.context.view_layer.update()
         return made
 
@@ -457,7 +469,9 @@ def linked(
             ahead, nail = (unit(way * mirror) for way in (line[i + 1] - line[i], nails[i]))
             axes = np.stack([np.cross(ahead, nail), ahead, nail], axis=1)
             off = 1e-3 * beside * axes[:, 0] + (1e-3 * beside * nail if i == 0 else 0.0)
-            parent = frame(name(finger, i), parent, line[i] * mirror + off)
+            parent = frame(name(finger, i), parent, line[i] * mirror + off, axes if limits else None)
+            if limits and i:
+                limit_x(parent, -limits[1], -limits[0])
             size = (1e-3 * wide, float(np.linalg.norm((line[i + 1] - line[i]) * mirror)), 1e-3 * thick)
             middle = 0.5 * (line[i] + line[i + 1]) * mirror
             if i < 2 or not behind:

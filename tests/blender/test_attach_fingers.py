@@ -722,6 +722,43 @@ def test_a_robots_side_that_nothing_shows_is_told_and_a_person_says_it(bend: flo
 
 
 @pytest.mark.parametrize("side", ["L", "R"])
+@pytest.mark.parametrize("bend", [0.0, -27.0])
+def test_limits_of_joints_show_where_a_robots_fingers_bend(bend: float, side: str) -> None:
+    rig = hand_rigs.linked(side, truth=flat_robot(bend), limits=(-0.2, 1.6))
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert not {"hand-other-side", "nails-guessed"} & {f.code for f in reporting.findings()}
+    there = fingers()
+    assert {obj.name for obj in there.values()} == {f"{f.title()}.{side}" for f in rig.last}
+    for finger in ("index", "middle", "ring"):
+        assert np.array(there[finger].matrix_world)[:3, 2] @ rig.nails[finger] > 0.98, finger
+
+
+@pytest.mark.parametrize("how", ["constraint", "inverse kinematics"])
+@pytest.mark.parametrize("side", ["L", "R"])
+def test_limits_of_bones_show_where_straight_fingers_bend(side: str, how: str) -> None:
+    rig = hand(hand_rigs.nameless, side, wrist="Bone", bend=0.0, fingers=FINGERS[1:])
+    bpy.ops.dermis.attach_fingers()
+    assert "nails-guessed" in {f.code for f in reporting.findings()}
+    for obj in fingers().values():
+        bpy.data.objects.remove(obj)
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    for finger, name in rig.last.items():
+        for bone in [rig.armature.data.edit_bones[name], rig.armature.data.edit_bones[name].parent]:
+            bone.align_roll(Vector(rig.nails[finger]))  # the local Z is the nail's
+    bpy.ops.object.mode_set(mode="OBJECT")
+    for name in rig.last.values():
+        for bone in (rig.armature.pose.bones[name], rig.armature.pose.bones[name].parent):
+            if how == "constraint":
+                hand_rigs.limit_x(bone, -1.5, 0.1)
+            else:
+                bone.use_ik_limit_x, bone.ik_min_x, bone.ik_max_x = True, -1.5, 0.1
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert "nails-guessed" not in {f.code for f in reporting.findings()}
+    check(rig)
+
+
+@pytest.mark.parametrize("side", ["L", "R"])
 def test_a_person_says_the_side_that_no_name_says(side: str) -> None:
     hand(hand_rigs.nameless, "R", wrist="Bone", bend=0.0)
     assert bpy.ops.dermis.attach_fingers(hand=side) == {"FINISHED"}

@@ -228,7 +228,7 @@ def _doubts(rig: Rig, hand: Hand, found: Nails, tips: Sequence[Tip], fits: Seque
     if not found.sure:
         doubt(
             "nails-guessed",
-            "neither names, bends, limits of joints nor the thumb show the back of the hand, so left or right is a guess",
+            "neither names, bends, joint limits nor the thumb show the back of the hand, so left or right is a guess",
             "Check that the nails lie on the back of the hand. If not, choose the other hand in the panel of the last "
             "operation, or switch Flip on",
             value={LEFT: "left hand", RIGHT: "right hand"}.get(found.side),

@@ -8,7 +8,7 @@ import bpy
 
 
 def ui_scale() -> float:
-    """Return Blender's scale of the interface; 1 without a window, where it is 0."""
+    """Return the interface's scale; 1 without a window, where it is 0."""
     return bpy.context.preferences.system.ui_scale or 1.0
 
 
@@ -57,7 +57,8 @@ def properties(layout: Any, group: Any, *names: str, keys: bool = True) -> Any:
     """Draw properties one below the other; return their column.
 
     Args:
-        names: names of the properties. keys: draw Blender's dots for keyframes beside them.
+        names: names of the properties.
+        keys: whether Blender's dots for keyframes are drawn beside them.
     """
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, keys
@@ -72,7 +73,8 @@ class Pairs:
     A split for each line would take a third more time.
 
     Args:
-        layout: layout in which they are drawn. factor: share of its width for the names.
+        layout: layout in which they are drawn.
+        factor: share of its width for the names.
     """
 
     def __init__(self, layout: Any, factor: float) -> None:

@@ -13,7 +13,7 @@ Measured in Blender 4.5 and 5.2, with *Time Stretching* at Old o and New n:
   scene frame 10 evaluates frame 5. Frame 0 stays frame 0, and negative frames are stretched too.
 * F-curves, the driver variable `frame` and the node *Scene Time* (frame and seconds) see the evaluated frame. A driver
   that reads `Scene.frame_current` sees the whole part of the scene frame, as sub-frames are cut off.
-* The stretch changes neither `frame_end` nor the speed of playback and renders: they take each scene frame of the
+* The stretch changes neither `frame_end` nor the speed of playback and renders: they show each scene frame of the
   range for `fps_base / fps` seconds. With 100 and 200 the same animation takes twice as many frames. Neither
   `frame_end` nor markers move by themselves.
 * Rigid bodies and cloth step at whole evaluated frames and stand still between them. They stop where a whole evaluated
@@ -21,9 +21,10 @@ Measured in Blender 4.5 and 5.2, with *Time Stretching* at Old o and New n:
   evaluated frames. Cloth also takes o / n of its time step. Simulation nodes follow fractions of a frame.
 * After a change of the stretch, the next update of the dependency graph evaluates what depends on time at the new
   frame. A change of the frame rate evaluates nothing. Both arrive in `depsgraph_update_post` as an update of the scene
-  with neither flag set. Neither stretch nor frame rate can be animated.
+  with neither `is_updated_transform` nor `is_updated_geometry` set. Neither stretch nor frame rate can be animated.
 * `frame_set(-7, subframe=0.25)` reads back as frame -6 and sub-frame -0.75, whose sum is right. `frame_set` cuts a
-  negative sub-frame to 0, and assigning a negative `frame_float` goes to frame 0, so only `go_to` reaches such frames.
+  negative sub-frame to 0, and assigning a negative `frame_float` goes to frame 0. `go_to` therefore passes the frame
+  rounded down, with a positive sub-frame.
 * Timeline, dope sheet and graph editor draw frame numbers, ranges and markers at scene frames and go to scene frames
   when clicked. They draw keys and the line of the current frame at evaluated frames (read in Blender's source).
 """
@@ -51,7 +52,8 @@ class Clock:
     """Conversion between scene frames and seconds from a first frame.
 
     Attributes:
-        rate: scene frames a second. first: scene frame at 0 s.
+        rate: scene frames a second.
+        first: scene frame at 0 s.
     """
 
     rate: Fraction
@@ -77,7 +79,8 @@ class Clock:
 def rate(scene: bpy.types.Scene) -> Fraction:
     """Return the frame rate, fps / fps_base, as a fraction such as 30000/1001.
 
-    It is the simplest fraction that Blender's single precision stands for.
+    Blender stores `fps_base` in single precision. It is replaced by a fraction of small denominator that rounds to the
+    stored number.
     """
     return _rate(scene.render.fps, scene.render.fps_base)
 
@@ -95,7 +98,7 @@ def _rate(fps: int, base: float) -> Fraction:
 
 
 def clock(scene: bpy.types.Scene, first: float) -> Clock:
-    """Return the clock of a scene that begins at a scene frame."""
+    """Return a scene's clock; its 0 s is at the scene frame `first`."""
     return _clock(scene.render.fps, scene.render.fps_base, float(first))
 
 
@@ -134,11 +137,13 @@ def shown_at(scene: bpy.types.Scene, evaluated_frames: T) -> T:
 def simulated_frames(scene: bpy.types.Scene, start: int, span: tuple[int, int]) -> Array:
     """Return the scene frames at which simulations take a step, shape (n,).
 
-    They go from the start of the simulations, or of the range if that is earlier, to the end of the range. They are the
-    nearest frames in single precision at which Blender evaluates whole frames, so that no step is left out.
+    They go from the start of the simulations, or of the range if that is earlier, to the first step at or after the end
+    of the range. Each is rounded up where necessary, so that in single precision Blender still evaluates the whole
+    frame, and no step is left out.
 
     Args:
-        start: first evaluated frame of the simulations. span: first and last scene frame.
+        start: first evaluated frame of the simulations.
+        span: first and last scene frame of the range.
     """
     first, last = (evaluated(scene, float(frame)) for frame in span)
     length = np.float32(scene.render.frame_map_old) / np.float32(scene.render.frame_map_new)
@@ -152,7 +157,7 @@ def simulated_frames(scene: bpy.types.Scene, start: int, span: tuple[int, int]) 
 
 
 def stretch(scene: bpy.types.Scene) -> float:
-    """Return how many times longer playback takes than without *Time Stretching*."""
+    """Return how many times as long the animation takes with *Time Stretching*."""
     return shown_at(scene, 1.0)
 
 

@@ -121,10 +121,15 @@ def length_or_angle(name: str) -> float:
     return {**LENGTHS, **ANGLES}.get(unit, 1.0)
 
 
-def dimension(name: str) -> str:
-    """Return 'm' for a name with a unit of length, 'rad' for angle, else ''."""
-    unit = _unit(name)[1]
-    return "m" if unit in LENGTHS else "rad" if unit in ANGLES else ""
+def unit_of(name: str) -> str:
+    """Return the unit in a name, in lower case; '' if it has none.
+
+    Text in brackets counts as a unit even if there is no such unit. Without brackets, units of time, length and angle
+    are recognised.
+    """
+    inside = re.search(r"[\[(]([^\[\]()]*)[\])]", name)
+    word = inside[1].strip().lower() if inside else ""
+    return _unit(name)[1] or _SPELLED.get(word, word)
 
 
 def _column(name: str, where: str) -> Column:

@@ -19,7 +19,7 @@ _there: core.recent.Recent[str, bool] = core.recent.Recent(8)  # keys of the use
 
 
 def folder(*, create: bool = False) -> Path:
-    """Return the folder of the adaptations of thimbles to fingers."""
+    """Return the folder of the adaptations (surrogates) of thimbles to fingers."""
     return user_folder("surrogates", create=create)
 
 
@@ -36,15 +36,19 @@ def parameters_of(device: Any) -> dict[str, Any]:
 
 
 def method_of(device: Any) -> str:
-    """Return the method of searching a device's pose; '' for other devices."""
+    """Return the method by which a device's pose is searched for.
+
+    The result is '' if it is not searched for, see `active_presets.searched`.
+    """
     spec = active_presets.searched(device)
     return "" if spec is None else str(getattr(device, core.matching.thimble_use.method_name(spec)))
 
 
 def pressed(finger: bpy.types.Object, model: Any) -> Any:
-    """Return a finger's skin as a thimble is matched on it.
+    """Return the model of a finger's skin on which a thimble is matched.
 
-    The thimble is matched where the contact is solved, on nodes or on points.
+    If the finger's contact is solved on nodes, this is `model.on_nodes`, which has no smooth surface; else it is
+    `model`.
     """
     return model.on_nodes if finger.dermis.finger.skin.contact == "nodes" else model
 
@@ -126,9 +130,9 @@ def _kept(mark: str) -> bool:
 
 
 def adapted(device: Any, model: Any) -> Path | None:
-    """Return the .npz of the adaptation to a skin; None without its files.
+    """Return the path of the .npz file of a thimble's adaptation to a skin.
 
-    Its files are an .npz and an .onnx.
+    The result is None if this file or the .onnx file beside it is missing, or if the device's pose is not searched for.
 
     Raises:
         DermisError: a preset or settings that cannot be used.
@@ -145,7 +149,7 @@ def adapted(device: Any, model: Any) -> Path | None:
 
 
 def forget() -> None:
-    """Drop everything read, as after a surrogate was added or removed."""
+    """Drop everything read, as after an adaptation was added or removed."""
     active_presets.forget()
     _uses.clear()
     _there.clear()

@@ -1,7 +1,8 @@
 """Make the material of heat maps, with colours and light as in the view.
 
-The light of the view shines from the eye. Skin at which nothing is felt is plain, as in the view. With the view
-transform 'Standard', colours are those of the view to within 2 of 255. Other transforms, such as AgX, change them.
+The light of the view shines from the eye. Where the value is zero, the heat map covers the plain skin with the opacity
+*Unstressed Skin*, as in the view. With the view transform 'Standard', colours are those of the view to within 2 of 255.
+Other transforms, such as AgX, change them.
 """
 
 from __future__ import annotations
@@ -17,11 +18,15 @@ from ..viewport import skin_colours
 
 NAME = "Dermis Heat Map"
 STOPS = 32  # largest number of stops of a colour ramp in Blender
-GAMMA = 2.2  # gamma of the screen; the view darkens faces seen from the side in screen colours, not in linear light
+GAMMA = 2.2  # gamma of the screen; the view multiplies sRGB colours, not linear ones, by the shade
 
 
 def material() -> bpy.types.Material:
-    """Return the material that all skins share; make it if it is missing."""
+    """Return the material that new skins share.
+
+    It is made if it is missing or linked, or if a node that `show` sets was removed from it. Skins that have the old
+    one keep it.
+    """
     found = bpy.data.materials.get(NAME)
     if found is not None and found.library is None and _nodes(found) is not None:
         return found
@@ -72,7 +77,13 @@ def material() -> bpy.types.Material:
 
 
 def bare(name: str) -> bpy.types.Material:
-    """Return a new material without nodes."""
+    """Return a new material with an empty node tree.
+
+    Another material of this file that has the name is renamed, so that the next look-up finds the new one.
+    """
+    old = bpy.data.materials.get(name)
+    if old is not None and old.library is None:
+        old.name = f"{name} (Changed)"
     made = bpy.data.materials.new(name)
     if made.node_tree is None:
         made.use_nodes = True
@@ -83,7 +94,13 @@ def bare(name: str) -> bpy.types.Material:
 def show(attribute: str, top: float, table: str, fill: float) -> None:
     """Let the material show an attribute from 0 to `top` [SI].
 
-    The colours are those of a table. Other nodes are not changed.
+    Only the nodes 'Value', 'Range', 'Unstressed Skin' and 'Colours' are set.
+
+    Args:
+        attribute: name of an attribute of the skins' points.
+        top: value with the last colour [SI].
+        table: name of a colour map of `skin_colours`.
+        fill: opacity of the colours at zero.
     """
     nodes: Any = _nodes(material())
     nodes["Value"].attribute_name = attribute
@@ -102,7 +119,8 @@ def shown() -> str:
 def ramp(colours: Any, table: str) -> None:
     """Give a colour ramp the colours of a table.
 
-    It gets as many stops as are possible with the same whole number of intervals in each segment of the table.
+    Each segment of the table is divided into the same number of equal intervals, the largest for which there are at
+    most `STOPS` stops.
     """
     parts = skin_colours.segments(table)
     count = parts * ((STOPS - 1) // parts) + 1

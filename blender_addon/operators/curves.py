@@ -14,7 +14,7 @@ from .work import Work, counted
 
 @needs(lambda context: store.current(context.scene) is not None, "Bake first")
 class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
-    """Write the devices' commands as locked F-curves of the fingers, and show them in the Graph Editor"""
+    """Write the devices' commands as locked F-curves. The Graph Editor shows those of selected fingers"""
 
     bl_idname = "dermis.commands_as_curves"
     bl_label = "Commands as Curves"
@@ -29,7 +29,8 @@ class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
             (
                 "RATE",
                 "At a Rate",
-                "Also keys between frames. The timeline shows them together with those of the animation",
+                "Keys at even intervals, which may lie between frames. The timeline shows them together with those of "
+                "the animation",
             ),
         ),
     )
@@ -46,7 +47,7 @@ class DERMIS_OT_commands_as_curves(Work, bpy.types.Operator):
         if finger is not None:
             finger.select_set(True)  # the Graph Editor shows selected objects
         often = f"{rate:g} Hz" if rate else "whole frames"
-        said = f"Wrote {counted(made.curves, 'curve')} with {made.keys:,} values at {often}."
+        said = f"Wrote {counted(made.curves, 'curve')} with {made.keys:,} values of commands at {often}."
         if made.findings:
             reporting.report_findings(self, made.findings, f"Curves of {context.scene.name}", said)
             return None
@@ -63,7 +64,8 @@ class DERMIS_OT_remove_curves(Work, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context) -> str | None:
         """Remove them."""
-        return f"Removed the curves of {counted(command_curves.remove(context.scene), 'finger')}"
+        command_curves.remove(context.scene)
+        return "Removed the curves of commands"
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_commands_as_curves, DERMIS_OT_remove_curves)

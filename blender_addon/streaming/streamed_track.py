@@ -39,9 +39,12 @@ class Choice(NamedTuple):
     """A device that can be streamed to.
 
     Attributes:
-        device: identities of the finger and of the device, '' if not given yet. place: place of its finger.
-        finger, preset: name of the finger, and key of the preset. label: unique text for people, 'finger: device'.
-        nth: index among the devices of this preset on this finger. output: its output in the bake, None without one.
+        device: identities of the finger and of the device, '' if not given yet.
+        place: last known name and session uid of the finger, by which it is found again.
+        finger, preset: name of the finger, and key of the preset.
+        label: unique text for people, 'finger: device'.
+        nth: index among the devices of this preset on this finger.
+        output: its output in the bake, None without one.
     """
 
     device: Device
@@ -60,7 +63,8 @@ class _Pinned(NamedTuple):
     choice: Choice
 
 
-_choices: tuple[Any, Any, tuple[Choice, ...]] = (None, (), ())  # the result, its key, and the choices
+# The result and the state of the scene from which the choices were made, and the choices.
+_choices: tuple[Any, Any, tuple[Choice, ...]] = (None, (), ())
 _pinned: _Pinned | None = None
 _files: list[Path] = []
 _file_track: Any = None  # the track of `track_file`: ((path, time of its change [ns]), CommandTrack)
@@ -152,7 +156,9 @@ def gone(scene: bpy.types.Scene) -> str:
     if finger is None:
         return f"finger '{choice.finger}' is not in the scene any more"
     if not any(d == choice.device and item.preset == choice.preset for d, item in identity.worn(finger)):
-        return f"finger '{finger.name_full}' does not wear the device '{title('devices', choice.preset)}' any more"
+        return (
+            f"finger '{finger.name_full}' does not wear an enabled device '{title('devices', choice.preset)}' any more"
+        )
     if finger.name_full != choice.place.name:
         _pinned = _pinned._replace(choice=choice._replace(place=Place.of(finger), finger=finger.name_full))
     return ""
@@ -186,15 +192,17 @@ def device(scene: bpy.types.Scene) -> Choice:
         where="Track",
         value=wanted,
         limit=labels,
-        remedy="Choose one of these, or bake",
+        remedy="Choose one of these, or give the finger this device",
     )
 
 
 def device_key(scene: bpy.types.Scene) -> str:
-    """Return the key of the preset of the device that the settings name.
+    """Return the key of the preset of the device to stream to.
+
+    It is that of the track file, if the settings name one.
 
     Raises:
-        DermisError: there is none.
+        DermisError: there is no device, or the file cannot be used, see `load_file`.
     """
     return str(load_file(scene).spec.key) if scene.dermis_stream.track_file else device(scene).preset
 
@@ -248,7 +256,8 @@ def track_path(scene: bpy.types.Scene) -> str:
 def outdated(scene: bpy.types.Scene) -> bool:
     """Return whether the sender's baked track is not the one to be played.
 
-    This is so after a new bake, and when a bake was forgotten.
+    This is so, for example, after a new bake, when a bake was forgotten, or when a device with another baked track was
+    chosen.
     """
     if scene.dermis_stream.track_file:
         return False
@@ -287,7 +296,10 @@ def doubts(scene: bpy.types.Scene) -> str:
         found = core.track.check.preset_findings(track, library()) if track is not None else ()
         serious = [finding for finding in found if finding.severity != "info"]
         said = [f"{f.what[0].upper()}{f.what[1:]}. {f.remedy}".rstrip(" .") + "." for f in serious[:1]]
-        more = [f"{len(serious) - 1} limits or channels differ."] if serious[1:] else []
+        others = len(serious) - 1
+        more = [f"{others} {'limit or channel differs' if others == 1 else 'limits or channels differ'}."] * (
+            others > 0
+        )
         _judged = track, " ".join(said + more)
     return _judged[1]
 
@@ -302,7 +314,7 @@ def forget(*, files: bool = False) -> None:
     """Remove the files written for the sender.
 
     Args:
-        files: forget the track that was loaded from a file, too.
+        files: whether the track that was loaded from a file is forgotten, too.
     """
     global _file_track, _sent
     _sent = None

@@ -1,4 +1,4 @@
-"""Lay out lanes in pixels.
+"""Lay out the strip in the timeline in pixels: one lane for each finger.
 
 Each column of pixels shows the largest value in it, and neighbouring columns that look the same become one box.
 """
@@ -57,8 +57,8 @@ class Layout:
         positions: positions [px], shape (n, 2).
         colours: colours, shape (n, 4).
         triangles: indices of the corners, shape (t, 3).
-        labels: texts with their places [px], if lanes are high enough to read them. marks: marks with the places of
-            their middles [px].
+        labels: texts with their places [px], if lanes are high enough to read them.
+        marks: marks with the places of their middles [px].
         top: top edge of the strip [px].
     """
 
@@ -87,8 +87,9 @@ def laid_out(
     """Lay the strip out along the bottom of a view, the first finger on top.
 
     Args:
-        lanes: lanes of a bake. live: lanes of previews since the bake, drawn over `lanes`. pale: the bake is out of
-            date.
+        lanes: lanes of a bake.
+        live: lanes of previews since the bake, drawn over `lanes`.
+        pale: whether the bake is out of date.
         keys: frames that labels keep clear of. If its whole text does not fit, a label has the finger's name alone. If
             that does not fit either, it is left out.
     """

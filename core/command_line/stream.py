@@ -26,12 +26,15 @@ def panel(options: argparse.Namespace) -> int:
 
 
 def send(options: argparse.Namespace) -> int:
-    """Serve a shared state until its owner is gone; return the exit status."""
+    """Stream to a device as Blender asks in a shared file.
+
+    Return the exit status when Blender is gone or a signal comes.
+    """
     return sender.run(options.state, ScreenMap.load)
 
 
 def virtual(options: argparse.Namespace) -> int:
-    """Run a virtual device until its input ends; return the exit status."""
+    """Run a virtual device; return the exit status when standard input ends."""
     faults = {}
     for text in options.fault:
         name, _, value = text.partition("=")

@@ -1,13 +1,14 @@
 """SkinSampler: contact forces on every finger's skin, from chunks of poses.
 
-The broad phase is that of the pads (`PadSampler`), for the whole fingertip instead of its centre: pairs of a finger and
-a body whose bounding boxes do not meet in a chunk are skipped. For the others, `Strides` leads a `SkinStepper` through
-the samples. The forces of the samples in contact are stored in single precision. Displacement and stress are computed
-from them on demand.
+The broad phase is like that of `PadSampler`, but for the whole fingertip instead of the pad's centre. Bodies whose
+bounding boxes are farther from the fingertip's than the search radius are skipped, first for a chunk and then for each
+sample. For the others, `Strides` leads a `SkinStepper` through the samples. The forces of the samples in contact are
+stored in single precision. Displacement and stress are computed from them on demand.
 
 The contacts of fingers that hold a body are solved together, because their sum must equal m (a - g). The acceleration
 of the body is known only after the whole sweep. From the chunk in which a finger first comes near a body that may be
-held, the poses are therefore stored, and `solve_held` solves them at the end.
+held, the poses are therefore stored, and `solve_held` solves them at the end. If a skin is solved on points and a body
+can be held, they are stored from the first chunk.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ class SkinSampler:
         self._cuts: Regrouped | None = None  # made at the first chunk
         self._strides: dict[int, Strides] = {}
         self._kept: list[SampleWindow] = []
-        self._held_findings: dict[int, tuple[Finding, ...]] = {}  # by the first finger of a lot
+        self._held_findings: dict[int, tuple[Finding, ...]] = {}  # by the first finger of a lot, see `lots_of`
 
     def add(self, chunk: Chunk) -> None:
         """Take the next samples."""
@@ -75,14 +76,15 @@ class SkinSampler:
     def _begun(self, chunk: Chunk) -> Regrouped:
         """Determine properties of the sweep from its first chunk; return the division of the sweep into chunks."""
         holds = any(can_be_held(self._scene, b, chunk.animated) for b in range(len(self._scene.bodies)))
-        # Contact on points cannot be balanced. Whether a finger holds a body must be known before its first sample.
+        # Contact on points cannot be balanced, so a finger that holds a body is solved at nodes from its first sample.
+        # All samples wait until it is known which fingers these are.
         self._waits = holds and any(stepper.on_points for stepper in self._steppers.values())
         for f, stepper in self._steppers.items():
             self._strides[f] = Strides(stepper, longest(self._scene.rate) if stepper.strides else 1)
         return Regrouped(max((strides.count for strides in self._strides.values()), default=1))
 
     def _add(self, chunk: Chunk) -> None:
-        """Take samples up to an end of strides."""
+        """Take a chunk as `Regrouped` forms it, which ends where strides end."""
         self._posed.take(chunk)
         window = SampleWindow(chunk, {f: stepper.approach() for f, stepper in self._steppers.items()})
         self._frames.append(chunk.frames)
@@ -112,7 +114,7 @@ class SkinSampler:
                 and the body's acceleration.
 
         Yields:
-            Number of finished samples of the whole range, at every tenth.
+            Number of finished samples of the whole range, after every tenth sample.
         """
         self._end()
         done = sum(len(t) for t in self._times) - sum(len(s.chunk.times) for s in self._kept)
@@ -170,7 +172,10 @@ class SkinSampler:
         return any(may_be_held(self._scene, b, window.chunk) for b in close)
 
     def _balanced_with(self, pad_contact: PadContact, candidates: Iterable[int]) -> set[int]:
-        """Return the fingers that meet a body which is held by solved fingers alone at some sample."""
+        """Return the fingers that may touch a body held by solved skins alone.
+
+        At some sample, only fingers with a solved skin hold this body.
+        """
         found: set[int] = set()
         for b in candidates:
             fingers = range(len(self._scene.fingers))
@@ -199,13 +204,18 @@ def _held_on_nodes(names: list[str]) -> tuple[Finding, ...]:
     """Return a finding if fingers whose contact should be solved on points hold something."""
     if not names:
         return ()
-    what = "who holds something touches it at the nodes of the skin's mesh, a millimetre or two apart"
+    they, their = ("they", "their") if len(names) > 1 else ("it", "its")
+    nodes = "at the nodes of the skin's mesh, a millimetre or two apart"
+    what = f"{they} may hold something, so {their} contact is solved {nodes}"
     remedy = "Edges and small things are felt too weakly there: hold what is flat or gently curved, or use a finer skin"
     return (Finding("info", "contact-on-nodes", what, ", ".join(names), remedy=remedy),)
 
 
 def _may_touch(stepper: SkinStepper, pair: PairContact | None) -> bool:
-    """Return whether a body comes nearer to the pad's centre than the farthest point of the pad at some sample."""
+    """Return whether, at some sample, a body may come near a skin.
+
+    It does if it is nearer to the pad's centre than the farthest point of the pad is.
+    """
     reach = float(np.sqrt((stepper.skin.positions**2).sum(axis=1).max()))
     return pair is not None and bool(pair.gap.min() < reach)
 

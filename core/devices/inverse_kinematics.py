@@ -1,12 +1,12 @@
 """Inverse kinematics of a 3-RRS platform, with the singularity margin.
 
-The servo angles are computed from a configuration. The joint of a leg on the platform lies at a distance r outwards of
-its servo and at a height h. The platform has the normal a and turns without torsion. With m = a.e for the direction e
-of the leg, and the radii rp of the platform and rb of the base:
+The servo angles are computed from a configuration. The joint of a leg on the platform lies r outwards of its servo and
+h above it. The platform is at a distance d from the base, has the normal a and turns without torsion. With m = a.e for
+the direction e of the leg, and the radii rp of the platform and rb of the base:
 
-    r = rp (3/2 - a_z / 2 - 2 m^2 / (1 + a_z)) - rb        h = distance - rp m
+    r = rp (3/2 - a_z / 2 - 2 m^2 / (1 + a_z)) - rb        h = d - rp m
 
-Source: [S0] 3.1 with the kinematics of the project's corrections (closed form of the 3-RRS)
+Source: [S0] 3.1; its kinematics are replaced by a closed form of the 3-RRS, see `core/THEORY.md`.
 """
 
 from __future__ import annotations
@@ -16,17 +16,18 @@ import math
 from ..errors import DermisError
 from .linkage import LEGS, Linkage
 
-# Largest cosine of the angle between a crank and the line from its servo to the joint on the platform. The angle is
-# then 0.08 degrees from that of a stretched or folded leg. At smaller differences, the servo's angle hardly determines
-# the pose, and the derivative of the servo's angle with respect to the pose grows without bound.
+# Largest absolute cosine of the angle between a crank and the line from its servo to the joint on the platform. The
+# leg is then 0.08 degrees from stretched or folded. Closer to these, a turn of the servo hardly moves the platform, and
+# the derivative of the servo's angle with respect to the pose grows without bound.
 BENT = 1.0 - 1e-6
-UPRIGHT = 1.5 * math.sqrt(3.0)  # determinant for a level platform on upright rods, by which the margin is divided
+# Determinant for a level platform on upright rods of length 1. The margin is the determinant as a share of it.
+UPRIGHT = 1.5 * math.sqrt(3.0)
 
 
 def inverse_kinematics(linkage: Linkage, pitch: float, roll: float, distance: float) -> tuple[list[float], float]:
     """Return the angles of the servos and the singularity margin.
 
-    They are Python floats. The angles are counted from neutral [rad].
+    See `singularity` for the margin. All numbers are Python floats. The angles are counted from neutral [rad].
 
     Args:
         linkage: links of the platform.
@@ -54,7 +55,7 @@ def inverse_kinematics(linkage: Linkage, pitch: float, roll: float, distance: fl
             raise DermisError("a leg cannot reach the platform", where=f"thimble, leg {len(angles) + 1}")
         angle = math.atan2(h, r) - bend * math.acos(stretched / whole)
         angles.append(angle - linkage.servo_zero)
-        out, rise = r - crank * math.cos(angle), h - crank * math.sin(angle)  # vector along the rod, of length L2
+        out, rise = r - crank * math.cos(angle), h - crank * math.sin(angle)  # vector along the rod, of length `rod`
         curve = bent * m * across - 0.5
         rows.append(
             (

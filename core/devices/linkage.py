@@ -8,7 +8,7 @@ The base frame has its origin at the base's centre and +Z from the base to the p
 x = (pitch, roll, distance): pitch about X, roll about Y, and distance of the platform from the base. The resulting pose
 consists of the rotation of the platform and the position of its centre.
 
-Source: [S0] 3.1 with the kinematics of the project's corrections (closed form of the 3-RRS).
+Source: [S0] 3.1; its kinematics are replaced by a closed form of the 3-RRS, see `core/THEORY.md`.
 """
 
 from __future__ import annotations

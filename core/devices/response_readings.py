@@ -10,12 +10,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
-from ..column_names import ANGLES, LENGTHS, dimension, length_or_angle
+from ..column_names import ANGLES, LENGTHS, unit_of
 from ..errors import DermisError
 from ..number_rows import read_rows
+from ..units import UNITS
 from .response import Points, Response
 
-LEAST = 3  # least number of readings on the curve, in the longest pass of each way; if both ways were measured
+# If both ways were measured: least number of readings after the play, in the pass of each way that has the most.
+LEAST = 3
 LEFT = 0.5  # [share of a pass's median slope] below this slope, the play is still being taken up
 
 
@@ -23,9 +25,10 @@ def of_readings(driven: ArrayLike, reached: ArrayLike, **more: Any) -> Response:
     """Return a measured curve from readings in order of time.
 
     The readings may go up and down any number of times. A pass counts if it covers more than half of the driven range.
-    After a reversal an actuator holds still until its play is taken up. If both ways were measured, readings there are
-    left out, since they belong to no curve. The passes of one way are averaged. The scatter is the largest difference
-    between readings of one way at one driven value.
+    After a reversal an actuator holds still until its play is taken up, and readings there belong to no curve. So, if
+    both ways were measured, the beginning of every pass is left out, at least its first reading, see `_moving`. The
+    passes of one way are averaged. The scatter is the largest difference between readings of one way at one driven
+    value.
 
     Args:
         driven, reached: commanded and reached values [unit of the channel], shape (n,) each.
@@ -35,10 +38,10 @@ def of_readings(driven: ArrayLike, reached: ArrayLike, **more: Any) -> Response:
         DermisError: there are too few readings, or they are no curve of an actuator.
     """
     table = np.array([driven, reached], np.float64).T
-    if len(table) < 2 or not np.isfinite(table).all():
-        raise DermisError(
-            "too few readings, or one is not finite", where="measured curve", value=len(table), limit=">= 2"
-        )
+    if len(table) < 2:
+        raise DermisError("too few readings", where="measured curve", value=len(table), limit=">= 2")
+    if bad := np.flatnonzero(~np.isfinite(table).all(axis=1)).tolist():
+        raise DermisError("a reading is not finite", where=f"measured curve, reading {bad[0] + 1}")
     passes = _passes(table)
     ways = {up for up, _ in passes}
     ends = float(np.ptp(table[:, 0]))
@@ -74,14 +77,17 @@ def read_csv(path: Path, unit: str = "", **more: Any) -> Response:
 
     Args:
         path: path of the file.
-        unit: unit of the channel, 'm' or 'rad'. A column with a unit of another quantity is an error. '' accepts any.
+        unit: SI unit of the channel, such as 'm' or 'rad'. A column may have this unit, and other units of length or
+            angle for 'm' or 'rad'. '' accepts units of length and angle, and any SI unit.
         more: as in `of_readings`.
 
     Raises:
-        DermisError: the file cannot be read, has no such columns, or its readings are no curve of an actuator.
+        DermisError: the file cannot be read or has no such columns, a column has another unit, or the readings are no
+            curve of an actuator.
     """
     rows = read_rows(path)
-    columns = {}
+    columns, allowed = {}, _allowed(unit)
+    sizes = {name.lower(): size for name, size in allowed.items()}
     for names in (("driven", "commanded"), ("reached", "measured")):
         found = [k for k, name in enumerate(rows.names) if name.lower().lstrip("# ").startswith(names)]
         if len(found) != 1:
@@ -91,15 +97,16 @@ def read_csv(path: Path, unit: str = "", **more: Any) -> Response:
                 value=", ".join(rows.names)[:80] or "no line of names",
                 limit="driven, reached; with a unit: 'driven [deg]', 'reached [deg]'",
             )
-        of = dimension(rows.names[found[0]])
-        if unit and of and of != unit:
+        given = unit_of(rows.names[found[0]])
+        if given and given not in sizes:
             raise DermisError(
                 "the unit does not fit this channel",
                 where=f"{path}, column '{rows.names[found[0]]}'",
-                limit=f"one of {unit}: {', '.join(LENGTHS if unit == 'm' else ANGLES if unit == 'rad' else [unit])}",
-                remedy="Convert the column to the unit of the actuator",
+                value=given,
+                limit=", ".join(allowed),
+                remedy="Convert the column to one of these, or remove the brackets if they hold no unit",
             )
-        columns[names[0]] = rows.values[:, found[0]] * length_or_angle(rows.names[found[0]])
+        columns[names[0]] = rows.values[:, found[0]] * (sizes[given] if given else 1.0)
         if bad := np.flatnonzero(~np.isfinite(columns[names[0]])).tolist():
             raise DermisError("a reading is missing or not finite", where=rows.place(bad[0], found[0]))
     try:
@@ -108,8 +115,15 @@ def read_csv(path: Path, unit: str = "", **more: Any) -> Response:
         raise error.changed(where=f"{path}: {error.where}") from error
 
 
+def _allowed(unit: str) -> dict[str, float]:
+    """Return the units that columns for a channel may have, with their sizes in SI."""
+    if unit in ("m", "rad"):
+        return LENGTHS if unit == "m" else ANGLES
+    return {unit: 1.0} if unit else {**LENGTHS, **ANGLES, **{si: 1.0 for si, _ in UNITS.values()}}
+
+
 def _passes(table: Array) -> list[tuple[bool, Array]]:
-    """Split readings into passes in one direction.
+    """Split readings into passes, each in one direction.
 
     Args:
         table: driven and reached values, shape (n, 2).

@@ -4,11 +4,12 @@ At a singular pose, the platform can move although all three servos are held, be
 linearly dependent. Singular poses are within the servos' range, at tilts of 30 degrees and more. A device must stay on
 the same side of the singular poses as its level pose.
 
-The joint of a leg lies at a distance r outwards of its servo and at a height h, see `inverse_kinematics`. A movement of
+The joint of a leg on the platform lies r outwards of its servo and h above it, see `inverse_kinematics`. A movement of
 the platform changes the length of a rod with unit direction l by l . d(r, h). The margin is the determinant of these
 changes for the three rods, scaled to be 1 for a level platform on upright rods.
 
-Source: [S0] 3.1 with the kinematics of the project's corrections; Gosselin and Angeles 1990 for the kind of singularity
+Source: [S0] 3.1, with its kinematics replaced by a closed form of the 3-RRS, see `core/THEORY.md`; Gosselin and Angeles
+1990 for the kind of singularity
 """
 
 from __future__ import annotations

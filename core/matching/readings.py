@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..errors import DermisError
 from ..skin.model import SkinModel
 from ..skin.sensor import electrode_sensor
 from ..skin.stimulus import Stimulus
@@ -21,13 +22,17 @@ Counts = NDArray[np.uint16]
 CHANNELS = 20
 FULL_SCALE = 4095
 BITS = (8, 10, 12, 14, 16)  # resolutions of sensors whose readings are whole counts
-WHOLE = 1e-3  # a reading counts as a multiple of a step within this share of it; files with nine digits deviate less
+# A reading counts as a multiple of a step if it is off by at most this share of the step. Readings in files with nine
+# digits are off by less.
+WHOLE = 1e-3
 ROUNDING = 1e-12  # differences below this share of the largest reading are rounding
-SATURATED = 0.05  # share of the samples at which a channel may be at an end of its scale
+SATURATED = 0.05  # largest allowed share of samples with a channel at an end of its scale
 # With these values, readings stay within the scale if a platform is pressed in by 2.4 mm at any tilt, and if skin
 # bulges.
-ELECTRODE_REST, ELECTRODE_GAIN = 1000.0, 6000.0  # counts at rest, and counts for tissue compressed to zero thickness
-PRESSURE_REST, PRESSURE_GAIN = 500.0, 0.12  # counts at rest, and counts per Pa of mean pressure on the pad
+# Electrodes: counts at rest, and counts that tissue compressed to zero thickness would add to them, before clipping.
+ELECTRODE_REST, ELECTRODE_GAIN = 1000.0, 6000.0
+# Pressure: counts at rest, and counts that each Pa of mean pressure on the pad adds to them.
+PRESSURE_REST, PRESSURE_GAIN = 500.0, 0.12
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +93,14 @@ def quantised(counts: Array) -> Counts:
 
 
 def step_of(readings: NDArray[Any]) -> float:
-    """Return the common quantisation step of all channels of readings, shape (n, c).
+    """Return the common quantisation step of all channels.
 
     Counts of a converter keep a common step if they are multiplied by one factor, and if a constant is added to a
-    channel. The step is the smallest difference between two values of a channel. All such differences must be multiples
-    of it. The step of integers is 1. Without a common step the result is 0.
+    channel. All differences between neighbouring values of a channel must be multiples of the smallest one. The result
+    is this smallest difference, averaged over all differences. Without a common step it is 0.
+
+    Args:
+        readings: shape (n, c). For an array of an integer type the step is 1.
     """
     if readings.dtype.kind in "ui":
         return 1.0
@@ -115,11 +123,19 @@ def in_steps(readings: NDArray[Any], origin: Array, step: float) -> Array:
     Args:
         readings: shape (n, c).
         origin: readings that become 0, shape (c,).
-        step: as of `step_of`.
+        step: the common step, see `step_of`.
 
     Raises:
-        ZeroDivisionError: the step is 0.
+        DermisError: the step is not above 0.
     """
+    if not step > 0.0:
+        raise DermisError(
+            "readings cannot be counted in steps of this size",
+            where="step",
+            value=step,
+            limit="> 0",
+            remedy="Leave readings without a common step as they are",
+        )
     multiples = (np.asarray(readings, np.float64) - origin) / step
     whole = np.rint(multiples)
     return whole if (np.abs(multiples - whole) <= WHOLE).all() else multiples
@@ -128,9 +144,9 @@ def in_steps(readings: NDArray[Any], origin: Array, step: float) -> Array:
 def at_the_end(readings: Array) -> Array:
     """Return the share of samples at which each channel is at an end of its scale, shape (c,).
 
-    The scale is known for whole counts, and for those times one factor: it is the smallest of `BITS` that holds them.
-    Zero does not count as an end for a channel whose first reading is zero. Other readings have no known scale, and the
-    result is 0.
+    The scale is known if the readings are whole counts, none of them negative, or such counts multiplied by one factor.
+    It is then the smallest scale of `BITS` that holds the counts. Without a known scale the result is 0. Zero does not
+    count as an end for a channel whose first reading is zero.
 
     Args:
         readings: shape (n, c).
@@ -147,7 +163,13 @@ def at_the_end(readings: Array) -> Array:
 
 
 def saturated(counts: NDArray[Any]) -> int:
-    """Return the number of readings, shape (n, c), with a channel at an end of the scale of 12 bits."""
+    """Return the number of samples with a channel at an end of the scale.
+
+    The scale is that of 12 bits.
+
+    Args:
+        counts: readings, shape (n, c).
+    """
     return int(((counts <= 0) | (counts >= FULL_SCALE)).any(axis=1).sum())
 
 

@@ -22,7 +22,7 @@ class Motion:
         positions: spline through the origins of the poses [m], if it is known already; None to make it.
 
     Raises:
-        DermisError: see `Spline` and `rotations`.
+        DermisError: see `Spline`. A pose without an inverse is refused only when `rotations` is first read.
     """
 
     def __init__(self, times: Array | Knots, poses: Array, positions: Spline | None = None) -> None:
@@ -84,7 +84,11 @@ class Motion:
         return first
 
     def at(self, t: Array) -> MotionSamples:
-        """Return the motion at times [s], shape (m,)."""
+        """Return the motion at given times.
+
+        Args:
+            t: the times [s], shape (m,).
+        """
         return MotionSamples(self, np.asarray(t, dtype=np.float64))
 
 
@@ -134,7 +138,8 @@ class MotionSamples:
         """Angular velocity in world axes [rad/s], shape (m, 3)."""
         if not self.turns:
             return np.zeros((len(self.times), 3))
-        # Between samples, q is not of unit length. The vector part of q' q* / |q|^2 is still that of the normalised q.
+        # Between samples, q is not of unit length. The vector part of q' q* / |q|^2 is nevertheless the same as for the
+        # unit quaternion q / |q|: half the angular velocity.
         q = self._quaternion
         p = self._motion.rotations.at(self.times, 1, self._piece)
         w, v = q[:, 0], q[:, 1:]

@@ -19,7 +19,7 @@ class Axes:
 
     Args:
         canvas: canvas on which the axes are drawn.
-        box: left, top, width and height of the rectangle [points].
+        box: left, top, width and height of the frame [points]; labels and names lie outside it.
         xlim, ylim: values at the left and right edge, and at the bottom and top edge.
     """
 
@@ -163,7 +163,8 @@ def ticks(low: float, high: float, most: int) -> list[float]:
 def label(value: float, marks: list[float]) -> str:
     """Return the label of a value.
 
-    It has as many decimals as the distance of the marks requires.
+    It has as many decimals as the distance of the marks requires. If these are more than 6, or if the value is 1e6 or
+    more in size, it has four significant digits instead.
     """
     step = min((b - a for a, b in zip(marks, marks[1:], strict=False)), default=1.0)
     decimals = max(0, int(-np.floor(np.log10(step) + 1e-9)))

@@ -27,16 +27,17 @@ BLEND = 0.3  # [s] over which the change to a new calibration or another source 
 class DeviceOutput:
     """The output to one device.
 
-    It outlives the link, so that the limited values can be reported after the end.
+    It outlives the link, so that the numbers of limited values can be reported after the link's end.
 
     Args:
         source: the previous source, so that a playback goes on where it was.
 
     Attributes:
-        wire: the device.
+        wire: description of the device for a sender.
         rate: rate of the commands [Hz].
         sample_clock: decides which samples are due, and measures their lateness.
-        limiter: applies calibration and limits. source: source of the values, None if none could be made.
+        limiter: applies calibration and limits.
+        source: source of the values; None before the first one, and if none could be made.
         wanted: the values requested last [units], before calibration and limits.
 
     Raises:
@@ -54,7 +55,10 @@ class DeviceOutput:
 
     @property
     def moving(self) -> bool:
-        """Whether the source's values change by themselves."""
+        """Whether there is a source whose values may change.
+
+        It is any source but a track whose playback stands still.
+        """
         return self.source is not None and self.source.moving
 
     def choose_source(
@@ -66,10 +70,11 @@ class DeviceOutput:
     ) -> bool:
         """Make the source of the request's mode.
 
-        Returns whether it goes on where the source before it was.
+        Returns whether it takes over from the source before it without a blend.
 
         Args:
-            published: values that Blender published last. output_hz: values a second that reach the actuators [Hz].
+            published: values that Blender published last.
+            output_hz: values a second that reach the actuators [Hz].
 
         Raises:
             DermisError: the source cannot be made; there is no source then.
@@ -89,7 +94,8 @@ class DeviceOutput:
         """Begin at a pose [units], and blend from it to the wanted values.
 
         Args:
-            horizon: how far ahead of their moments samples leave [s]. ramp: how long the blend takes [s].
+            horizon: time by which samples leave before their moments [s].
+            ramp: duration of the blend [s].
         """
         self.limiter.plan(self.sample_clock.period)
         self.limiter.begin(pose, now + horizon - 1.0 / self.rate, ramp)
@@ -123,7 +129,10 @@ class DeviceOutput:
         return {**self.limiter.limited, **law}
 
     def status(self) -> dict[str, Any]:
-        """Return rate, lateness, limits and driven values, as JSON values."""
+        """Return the output's state as JSON values.
+
+        It has the rate, the lateness, the numbers of limited values, and the driven values, among others.
+        """
         p50, p99 = self.sample_clock.lateness.percentiles()
         return {
             "rate": self.rate,

@@ -165,6 +165,19 @@ def test_colours_are_the_views(tmp_path: Path) -> None:
         assert light == pytest.approx(heat_material.linear(skin_colours.at(name, levels)), abs=0.012), name
 
 
+def test_a_changed_material_is_replaced_once() -> None:
+    changed = heat_material.material()
+    skin = bpy.data.meshes.new("Skin")
+    skin.materials.append(changed)
+    changed.node_tree.nodes.remove(changed.node_tree.nodes["Colours"])
+    made = heat_material.material()
+    assert made != changed and made.name == heat_material.NAME and heat_material.material() == made
+    heat_material.show("pressure", 2.0, "viridis", 0.15)
+    assert heat_material.shown() == "pressure" and heat_material.material() == made
+    assert [m for m in bpy.data.materials if m.name.startswith(heat_material.NAME)] == [made, changed]
+    assert skin.materials[0] == changed, "an artist's change stays on its skin"
+
+
 def test_a_fingertip_of_ours_keeps_its_nail() -> None:
     bpy.ops.dermis.demo_skin_scene()
     scene = bpy.context.scene
@@ -188,5 +201,5 @@ def test_without_a_bake_or_a_camera_it_says_so() -> None:
     hand = finger()
     hand.dermis.finger.skin.shown = True
     assert not bpy.ops.dermis.film_skin.poll() and not bpy.ops.dermis.film_colours.poll()
-    with pytest.raises(blender_addon._core.DermisError, match="no bake"):
+    with pytest.raises(blender_addon._core.DermisError, match="skin is not baked"):
         next(skin_mesh.work_out(bpy.context.scene, ["Finger"]))

@@ -136,7 +136,7 @@ def test_a_frequency_response_is_typed_read_kept_and_taken_away(scene: Any, tmp_
     path.write_text("frequency [Hz],gain [dB],phase [deg]\n10,0,-2\n50,-40,-20\n")
     with pytest.raises(RuntimeError, match="gain is too small"):
         bpy.ops.dermis.frequency_response_load(filepath=str(path), channel="pulley_1")
-    with pytest.raises(RuntimeError, match="not three numbers"):
+    with pytest.raises(RuntimeError, match="needs three numbers"):
         bpy.ops.dermis.frequency_response_type(channel="pulley_1", readings="20 1")
     assert told(scene).frequency.span == (10.0, 50.0), "what was refused changes nothing"
     bpy.ops.dermis.calibration_keep(name="left, red tape", serial="")

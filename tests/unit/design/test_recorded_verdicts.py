@@ -175,5 +175,7 @@ def test_steps_are_found_and_counted():
     np.testing.assert_array_equal(in_steps(counts * 0.3 + 1.0, np.ones(3), 0.3), counts)
     assert step_of(counts + np.random.default_rng(1).uniform(size=counts.shape)) == 0.0
     assert step_of(np.ones((5, 2))) == 0.0
+    with pytest.raises(DermisError, match="steps of this size"):
+        in_steps(counts, np.ones(3), 0.0)
     counts[:10, 1] = 4095  # at the end of its scale, in volts too
     assert at_the_end(counts)[1] == at_the_end(counts * 1e-3)[1] == pytest.approx(0.2)

@@ -141,7 +141,7 @@ def test_a_frequency_response_is_typed_read_kept_and_taken_away(scene: Any, tmp_
     assert told(scene).frequency.span == (10.0, 50.0), "what was refused changes nothing"
     bpy.ops.dermis.calibration_keep(name="left, red tape", serial="")
     assert built_devices.device(device_calibration.worn_by(scene).file).made.entries["pulley_1"].frequency.span[1] == 50
-    assert "inverse of its frequency response" in board_identity.advice(scene), "Connect says it"
+    assert "inverse of its frequency response" in board_identity.advice(scene), "Connect reports"
     bpy.ops.dermis.measured_curve_drop(channel="pulley_1", part="frequency")
     assert not row.frequency and told(scene) is None and device_calibration.unsaved(scene)
     device_calibration.use(scene, device_calibration.worn_by(scene).file)

@@ -69,7 +69,7 @@ def test_after_a_break_it_goes_on_where_it_was(tmp_path, whole, capfd):
     words = command("collect", *DEVICE, *QUICK, "--out", str(out))
     one = subprocess.Popen(words, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     said = ""
-    while "rest is read" not in said:
+    while "readings at rest are read" not in said:
         said += (line := one.stderr.readline())
         assert line, said
     time.sleep(6.0)
@@ -113,7 +113,7 @@ def test_what_cannot_be_collected_is_refused_before_anything_moves(tmp_path, cap
         ([*DEVICE, *out, "--stop-at", "force=3"], "not CHANNEL=CHANGE"),
         ([*DEVICE, *out, "--stop-at", "pressure=-1"], "not CHANNEL=CHANGE"),
         (["--url", "virtual:", "--sensor", "telepathy", *out], "no such source of readings"),
-        (["--url", "virtual:", "--sensor", "osc://:9", "--channels", "a,a", *out], "names of channels that differ"),
+        (["--url", "virtual:", "--sensor", "osc://:9", "--channels", "a,a", *out], "distinct names of channels"),
         ([*DEVICE, *out, "--device", "haptip"], "no look-up table"),
         ([*DEVICE, *out, "--rows", "3"], "too few rows"),
     ):

@@ -294,7 +294,7 @@ def test_a_mesh_of_ones_own_stays_on_nodes_and_says_so() -> None:
     own = mesh_skin(fingertip_mesh(None, "draft"))
     assert smooth_pad(own) is None
     (told,) = [f for f in felt(own, PLATE, POINTS).findings if f.code == "contact-on-nodes"]
-    assert "mesh of one's own" in str(told.value) and "finer" in told.remedy
+    assert "described by lengths" in str(told.value) and "finer" in told.remedy
 
 
 def test_one_table_serves_all_stiffnesses_and_meshes(skin: SkinModel) -> None:

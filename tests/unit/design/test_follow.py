@@ -220,7 +220,7 @@ def test_a_recording_or_a_table_is_not_overwritten_by_its_track(files, tmp_path,
     words = ["follow", str(felt[0]), "--table", str(table[0]), "--out"]
     for out in (felt[0], table[0], tmp_path / "same.csv"):
         assert main([*words, str(out)]) == 2
-        assert "would overwrite what it is made of" in capsys.readouterr().err
+        assert "would overwrite its own source" in capsys.readouterr().err
     assert main([*words, str(tmp_path / "o.csv"), "--plot", str(felt[0])]) == 2
     assert all(path.read_bytes() == content for path, content in (table, felt)) and not (tmp_path / "o.csv").exists()
 

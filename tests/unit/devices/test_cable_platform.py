@@ -158,5 +158,5 @@ def test_a_broken_preset_is_refused(spec, name, value, message):
 
 
 def test_a_sweep_beyond_the_motors_is_refused(spec, skin):
-    with pytest.raises(DermisError, match="more than the motors can do"):
+    with pytest.raises(DermisError, match="exceeds the range of the motors"):
         sweep(replace(spec, parameters={**spec.parameters, "sweep_tilt": 0.9}), skin.positions, 64)

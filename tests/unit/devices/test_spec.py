@@ -88,7 +88,7 @@ def test_hash_is_the_presets_and_not_the_order_of_its_keys() -> None:
         ("rate", {"value": 10.1, "unit": "kHz"}, r"rate: more commands .* \(found 10100.0; allowed: <= 10000 Hz\)"),
         ("rate", "fast", "rate: not a finite number"),
         ("channels/1/name", "x", r"two channels have one name \(found 'x, x'\)"),
-        ("channels/1/name", "a,b", r"a character that it may not have \(found 'a,b'; allowed: letters"),
+        ("channels/1/name", "a,b", r"a character that is not allowed \(found 'a,b'; allowed: letters"),
         ("channels/1/name", 7, "a channel's 'name' is not a text"),
         ("channels/1/name", KeyError, "a channel has no 'name'"),
         ("channels/1/unit", "mm", r"channel 'y': a channel's unit must be SI \(found 'mm'; allowed: m,"),

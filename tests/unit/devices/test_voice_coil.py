@@ -103,7 +103,7 @@ def test_presets_that_make_no_voice_coil_are_refused(change: dict[str, Any], wor
 def test_a_voltage_needs_its_limits() -> None:
     preset = edited()
     del preset["channels"][1]["low"]
-    with pytest.raises(DermisError, match="no limit to both sides"):
+    with pytest.raises(DermisError, match="limits on both sides"):
         check("devices", "voice_coil", preset)
     del preset["channels"][0]
     with pytest.raises(DermisError, match="two channels"):

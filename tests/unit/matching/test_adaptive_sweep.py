@@ -84,7 +84,7 @@ def test_the_verb_makes_one(tmp_path, capsys):
         (["--rows", "0"], "--adaptive"),
         (["--rows", "127"], "too few rows for an adaptive table (found 127; allowed: >= 128)"),
         (["--rows", "100000000000"], "too many rows for a table"),
-        (["--rows", "200", "--workers", "2"], "--workers: an adaptive table is pressed in this process"),
+        (["--rows", "200", "--workers", "2"], "--workers: an adaptive table is computed in this process"),
         (["--rows", "200", "--save-table", str(tmp_path / "t.csv")], "kept as .npz"),
     ):
         assert main([*words, *more]) == 2 and said in capsys.readouterr().err, said

@@ -101,7 +101,7 @@ def test_what_cannot_be_told_from_rest_is_rest():
 def test_too_few_rows_are_refused():
     with pytest.raises(DermisError, match=r"too few rows .*found 7; allowed: >= 8"):
         line(7)
-    with pytest.raises(DermisError, match="told from rest"):
+    with pytest.raises(DermisError, match="differ from rest"):
         commands_of(replace(line(9), noise_floor=25.0), np.array([[30, 0]]))
 
 

@@ -202,7 +202,9 @@ def test_a_line_of_missing_values_is_not_one_of_names(tmp_path):
     with pytest.raises(DermisError, match="not finite"):
         read_table(path)
     path.write_text("0.1,0.2,0.018,5\n0.1,0.2\n")
-    with pytest.raises(DermisError, match="line 2: a row has another number of values.*found 2; allowed: 4"):
+    with pytest.raises(
+        DermisError, match="line 2: a row and the first row have different numbers of values.*found 2; allowed: 4"
+    ):
         read_rows(path)
     for nothing in ("", "a,b\n", "# none\n"):
         path.write_text(nothing)

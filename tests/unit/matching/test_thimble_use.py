@@ -49,7 +49,7 @@ NEWER = onnx._field(8, onnx._field(1, b"") + onnx._varint(2, 99))
         (".onnx", lambda d: b"MZ\x90 another program", "ONNX"),
         (".onnx", lambda d: d.replace(OPSET, NEWER), "operator set"),
         (".onnx", lambda d: d.replace(b"features", b"measures"), "features"),
-        (".onnx", lambda d: d.replace(b"dermis-surrogate 2", b"dermis-surrogate 1"), "of an older form"),
+        (".onnx", lambda d: d.replace(b"dermis-surrogate 2", b"dermis-surrogate 1"), "an older format"),
         (".onnx", lambda d: d.replace(b"MatMul", b"MutMal"), "cannot run"),
         (".onnx", None, "no surrogate was adapted"),
         (".npz", lambda d: d[: len(d) // 3], "cannot be read"),
@@ -102,11 +102,15 @@ def nowhere(values):
         ("readout", nowhere, "'readout' is not finite"),
         ("stress_basis", lambda a: a.astype("U8"), "not finite"),
         ("stress_basis", lambda a: a[0], "has another shape"),
-        ("meta", lambda a: np.frombuffer(a.tobytes().replace(b'"modulus"', b'"modulos"'), np.uint8), "no stiffness"),
+        (
+            "meta",
+            lambda a: np.frombuffer(a.tobytes().replace(b'"modulus"', b'"modulos"'), np.uint8),
+            "no valid stiffness",
+        ),
         (
             "meta",
             lambda a: np.frombuffer(a.tobytes().replace(b"surrogate 2", b"surrogate 1"), np.uint8),
-            "an older form",
+            "an older format",
         ),
         ("meta", lambda a: np.frombuffer(b"[1, 2]", np.uint8), "cannot be read"),
     ],
@@ -122,7 +126,7 @@ def test_tables_that_do_not_fit_together_are_a_finding(tmp_path, skin, spec, mad
     assert finding.code == "surrogate" and words in str(finding)
 
 
-@pytest.mark.parametrize(("more", "spoil", "words"), [(2, 1.0, "other sizes"), (0, np.nan, "answers are not finite")])
+@pytest.mark.parametrize(("more", "spoil", "words"), [(2, 1.0, "do not fit"), (0, np.nan, "output is not finite")])
 def test_a_network_of_other_size_or_without_numbers_is_a_finding(tmp_path, skin, spec, made, more, spoil, words):
     """The metadata is right, and only what the file computes is not."""
     pytest.importorskip("onnxruntime")

@@ -107,7 +107,7 @@ def test_two_hands_in_one_file_are_not_mixed(write):
     with pytest.raises(DermisError, match="two columns have the same meaning .*left_pos_x, right_pos_x"):
         recorded_poses.read(write("t,left_pos_x,left_pos_y,left_pos_z,right_pos_x\n0,0,0,0,0\n1,0,0,0,0\n"))
     columns = "time, -, -, -, x_m"
-    with pytest.raises(DermisError, match="do not say where x, y and z are"):
+    with pytest.raises(DermisError, match="lack x, y or z"):
         recorded_poses.read(write("0,0,0,0,0\n1,0,0,0,0\n"), columns=columns)
 
 
@@ -149,16 +149,16 @@ def test_separators_decimal_commas_and_comments(write, text):
 
 
 REFUSED = {
-    "no names": ("0,0,0\n1,1,1\n", "does not say what its columns are.*columns='x_m, y_m, z_m'"),
+    "no names": ("0,0,0\n1,1,1\n", "does not name its columns.*columns='x_m, y_m, z_m'"),
     "angles for a quaternion": (
         "time,x,y,z,rx,ry,rz\n0,0,0,0,90,0,0\n1,0,0,0,95,0,0\n",
         "degrees or radians.*columns='time, x, y, z, rx_deg, ry_deg, rz_deg'",
     ),
-    "other names": ("time,a,b,c\n0,0,0,0\n1,1,1,1\n", "do not say where x, y and z are.*columns='time_s, x_m"),
+    "other names": ("time,a,b,c\n0,0,0,0\n1,1,1,1\n", "lack x, y or z.*columns='time_s, x_m"),
     "half a quaternion": ("x,y,z,qx,qy,qz\n" + "0,0,0,0,0,0\n" * 2, "rotation is missing: qw"),
     "no quaternion": (
         "x,y,z,qw,qx,qy,qz\n0,0,0,1,0,0,0\n0,0,0,90,0,0,0\n",
-        "line 3, column 4 'qw': these four numbers are no rotation.*found '90'; allowed: 0.99 to 1.01",
+        "line 3, column 4 'qw': these four numbers are not a rotation.*found '90'; allowed: 0.99 to 1.01",
     ),
     "going back": ("t,x,y,z\n0,0,0,0\n2,0,0,0\n1,0,0,0\n", "line 4, column 1 't': times do not rise"),
     "standing": ("t,x,y,z\n0,0,0,0\n0,0,0,0\n", "line 3, column 1 't': times do not rise"),
@@ -167,7 +167,7 @@ REFUSED = {
     "slow": ("time,x,y,z\n" + "".join(f"{10 * i},0,0,0\n" for i in range(99)), "unit of the times.*'time_ms, x, y"),
     "a gap": ("t,x,y,z\n0,1,2,3\n1,a,2,3\n", "line 3, column 2 'x': a value is missing"),
     "no time": ("t,x,y,z\n0,1,2,3\n,1,2,3\n", "line 3, column 1 't': a time is missing"),
-    "feet": ("t,x [ft],y [ft],z [ft]\n0,1,2,3\n1,1,2,3\n", "unit is none of this column's.*'ft'; allowed: m, cm"),
+    "feet": ("t,x [ft],y [ft],z [ft]\n0,1,2,3\n1,1,2,3\n", "unit does not fit this column.*'ft'; allowed: m, cm"),
     "twice": ("t,x,y,z,pos_x\n0,1,2,3,4\n1,1,2,3,4\n", "two columns have the same meaning"),
     "one row": ("t,x,y,z\n0,1,2,3\n", "a single row"),
 }
@@ -190,7 +190,7 @@ def test_what_nobody_says_can_be_said(write):
     np.testing.assert_allclose(made.turns, [TURN] * 2, atol=1e-9)
     np.testing.assert_allclose(made.times, [0.0, 0.01])
     assert recorded_poses.read(path, columns="-, x, y, z, -, -, -").turns is None
-    for wrong, words in (("x, y, z", "another number of columns"), ("t, x, y, z, a, b, c", "named by something")):
+    for wrong, words in (("x, y, z", "another number of columns"), ("t, x, y, z, a, b, c", "unknown name of a column")):
         with pytest.raises(DermisError, match=words):
             recorded_poses.read(path, columns=wrong)
 
@@ -222,7 +222,7 @@ def test_numbers_that_cannot_have_the_usual_unit_are_asked_about(write, text, na
     made = recorded_poses.read(path, columns=names)
     assert made.times[-1] < 1.1 and np.abs(made.places).max() < 3.1
     if "_mm" in names:
-        with pytest.raises(DermisError, match="in metres they are far away"):  # names without a unit say none
+        with pytest.raises(DermisError, match="too far away for metres"):  # names without a unit say none
             recorded_poses.read(path, columns=names.replace("_mm", ""))
         if "Frame" not in names:
             assert np.abs(recorded_poses.read(path, unit=1e-3).places).max() < 0.4
@@ -268,7 +268,7 @@ def test_the_order_of_a_quaternion_is_not_offered_where_nothing_tells_it(write, 
     path = write(eight(separator, turn))
     assert recorded_poses.suggestion(read_rows(path)) == (f"time_s, x_m, y_m, z_m, {order}" if order else "")
     assert recorded_poses.guess(read_rows(path)).turn == {"": "", "qw": "wxyz", "qx": "xyzw"}[order[:2]]
-    with pytest.raises(DermisError, match="columns=" if order else "do not tell whether w is the first or the last"):
+    with pytest.raises(DermisError, match="columns=" if order else "do not show whether w is the first or the last"):
         recorded_poses.read(path)
 
 
@@ -279,7 +279,7 @@ def test_no_unit_and_no_turn_is_offered_where_none_fits(write):
     hands = "time,left.x,left.y,left.z,right.x,right.y,right.z\n0,1,2,3,4,5,6\n1,1,2,3,4,5,6\n"
     path = write(hands)  # the second hand is no turn
     assert recorded_poses.suggestion(read_rows(path)) == ""
-    with pytest.raises(DermisError, match="do not say where x, y and z are"):
+    with pytest.raises(DermisError, match="lack x, y or z"):
         recorded_poses.read(path)
     assert recorded_poses.read(path, columns="time, -, -, -, x, y, z").turns is None
 
@@ -314,7 +314,7 @@ def test_the_guess_of_a_file_without_names(write, rows, names):
 def test_torques_are_no_places(tmp_path, names):
     path = tmp_path / "forces.csv"
     path.write_text(names + "\n" + "".join(f"{0.01 * i},1,2,3,0.1,0.2,{0.01 * i}\n" for i in range(9)))
-    with pytest.raises(DermisError, match="where x, y and z are"):
+    with pytest.raises(DermisError, match="lack x, y or z"):
         recorded_poses.read(path)
     places = names.replace("Tx", "x,Tx").replace("T_x", "x,T_x").replace("Ty", "y,z,Ty").replace("T_y", "y,z,T_y")
     path.write_text(places + "\n" + "".join(f"{0.01 * i},1,2,3,4,0.1,5,{i},0.2,0.3\n" for i in range(3)))

@@ -210,7 +210,7 @@ def test_arrays_of_objects_are_never_unpickled(tmp_path: Path) -> None:
     other = rewritten(tmp_path / "s.npz", drop="chunk/0/times.npy")
     with zipfile.ZipFile(other, "a") as archive, archive.open("chunk/0/times.npy", "w") as member:
         np.lib.format.write_array(member, np.array([{"a": 1}], dtype=object))
-    with pytest.raises(DermisError, match="chunk/0/times: .*neither numbers nor texts.*nothing is unpickled"):
+    with pytest.raises(DermisError, match="chunk/0/times: .*neither numbers nor texts.*does not unpickle"):
         list(load(other).chunks)
 
 

@@ -137,11 +137,11 @@ def test_the_safe_pose_is_reached_by_the_curve_and_refused_outside() -> None:
 @pytest.mark.parametrize("points", [((0.0, 1.0), (300.0, 310.0)), ((-1.0, -2.0), (300.0, 310.0))])
 def test_no_voltage_stays_none(points: Points) -> None:
     screen = Library().device("electrovibration")
-    with pytest.raises(DermisError, match="where nothing is wanted"):
+    with pytest.raises(DermisError, match="for a command at rest"):
         Wire.of(screen, Calibration.of(screen).with_entry("amplitude", response=Response(points, points)))
     good: Points = ((0.0, 0.0), (150.0, 160.0), (300.0, 290.0))
     other: Points = ((0.0, 5.0), (150.0, 170.0), (300.0, 310.0))
-    with pytest.raises(DermisError, match="where nothing is wanted"):
+    with pytest.raises(DermisError, match="for a command at rest"):
         Wire.of(screen, Calibration.of(screen).with_entry("amplitude", response=Response(good, other)))
     wire = Wire.of(screen, Calibration.of(screen).with_entry("amplitude", response=Response(good, good)))
     limiter = OutputLimiter(wire)
@@ -244,7 +244,7 @@ def test_a_track_that_is_faster_than_what_was_measured_is_refused(tmp_path: Path
 
 def test_a_latency_beside_a_frequency_response_is_refused_and_that_of_another_actuator_kept(tmp_path: Path) -> None:
     line = ((-0.5, -0.5), (0.5, 0.5))
-    with pytest.raises(DermisError, match="holds the latency already"):
+    with pytest.raises(DermisError, match="already contains the latency"):
         vibrating(response=Response(line, line, latency=0.01))
     path, wanted, exact = burst_track(tmp_path / "a.csv", 110.0)
     wire = Wire.of(HAPTIP, vibrating().with_entry("pulley_2", response=Response(line, line, latency=0.01)))

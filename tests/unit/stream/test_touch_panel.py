@@ -206,7 +206,7 @@ def test_what_cannot_be_is_refused_in_words_before_anything_is_armed(screen: Pat
     assert "no such source" in refused(screen, *url, "--touch", "telepathy")
     assert "not osc://:PORT" in refused(screen, *url, "--touch", "osc://:99999")
     assert "--yes" in refused(screen, *url, "--touch", "-")
-    assert "tells no touches" in refused(screen, *url, "--protocol", "maestro")
+    assert "reports no touches" in refused(screen, *url, "--protocol", "maestro")
     assert "no such port" in refused(screen, *url, "--touch", "serial:/dev/ttyNoSuch9")
     assert "unknown option" in refused(screen, *url, "--touch", "serial:/dev/ttyNoSuch9?bau=1")
     assert "cannot be read" in refused(tmp_path / "none.npz", *url)

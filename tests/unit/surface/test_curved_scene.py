@@ -33,7 +33,7 @@ def scene(scale=1.0, findings=()):
 
 @pytest.mark.parametrize("scale", [1.0, 0.01])
 def test_a_ball_is_round_in_the_world_and_a_box_stays(scale):
-    told = Finding("info", "facets", "it shades smooth", "object 'Ball'")
+    told = Finding("info", "facets", "it is shaded smooth", "object 'Ball'")
     flat = scene(scale, (told,))
     made = curved_scene(flat)
     points = scale * made.bodies[0].mesh.vertices

@@ -156,7 +156,7 @@ def rewritten(data, **changes):
         (lambda d: d.replace(b"dermis-surrogate 2", b"someone-elses-one2"), "did not make"),
         (lambda d: d.replace(b"jacobian", b"gradient"), "'jacobian' is not"),
         (lambda d: d.replace(b"features", b"measures"), "'features' is not"),
-        (lambda d: d.replace(b"dermis-surrogate 2", b"dermis-surrogate 1"), "of an older form.*Adapt it again"),
+        (lambda d: d.replace(b"dermis-surrogate 2", b"dermis-surrogate 1"), "an older format.*Adapt it again"),
         (
             lambda d: d.replace(
                 onnx._field(8, onnx._field(1, b"") + onnx._varint(2, 17)),

@@ -240,7 +240,7 @@ def test_what_was_saved_is_what_is_loaded(tmp_path, skin, device, small):
         for ours, theirs in zip(a.evaluate(x), b.evaluate(x), strict=True):
             np.testing.assert_allclose(theirs, ours, rtol=1e-6, atol=1e-9)
     np.testing.assert_array_equal(read.descriptors.stress.curve, made.descriptors.stress.curve)
-    with pytest.raises(DermisError, match="came from a file"):
+    with pytest.raises(DermisError, match="read from a file"):
         save(tmp_path / "again", read)
 
 
@@ -272,7 +272,7 @@ def test_a_network_learned_on_nodes_is_refused_beside_tables_learned_on_points(t
 
 @pytest.mark.parametrize(
     ("name", "value", "words"),
-    [("schema", "dermis-surrogate 1", "of an older form"), ("pressed_on", "nodes", "skin contact")],
+    [("schema", "dermis-surrogate 1", "an older format"), ("pressed_on", "nodes", "skin contact")],
 )
 def test_an_older_surrogate_is_refused_in_words_and_the_search_goes_on(tmp_path, skin, small, name, value, words):
     spec, (made, _) = Library().device("thimble_3rrs"), small

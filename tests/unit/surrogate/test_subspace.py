@@ -55,7 +55,7 @@ def test_exact_rank_is_found_and_signs_are_settled():
         (np.zeros((1, 4)), {}, "two samples"),
         (np.ones((5, 4)), {}, "alike"),
         (np.full((5, 4), np.nan), {}, "not finite"),
-        (np.eye(4), {"size": 9}, "not that many"),
+        (np.eye(4), {"size": 9}, "out of range"),
     ],
 )
 def test_what_has_no_components_is_refused(samples, keys, words):

@@ -280,7 +280,7 @@ def test_parquet_says_the_same_where_pyarrow_is_there(tmp_path: Path) -> None:
     [
         (["sweep", "gone.toml", "--out", "OUT"], "cannot be read"),
         (["sweep", "SPEC"], "a table needs a folder"),
-        (["sweep", "--workers", "2"], "workers are for a table"),
+        (["sweep", "--workers", "2"], "workers can only be used for a table"),
         (["sweep", "SPEC", "--out", "OUT", "--workers", "-1"], "too small"),
     ],
 )

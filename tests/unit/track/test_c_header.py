@@ -165,7 +165,7 @@ def test_what_it_cannot_hold() -> None:
         c_header.dumps(replace(uneven, times=uneven.times + np.r_[np.zeros(39), 1e-3]), "clip")
     for rate in (0.1, 2e6):
         odd = replace(a_track(), spec=replace(SPEC, rate=rate), times=np.arange(40) / rate)
-        with pytest.raises(DermisError, match="no period that a clock of microseconds keeps"):
+        with pytest.raises(DermisError, match="clock of microseconds cannot keep"):
             c_header.dumps(odd, "clip")
     hours = CommandTrack(replace(SPEC, rate=1.0), np.arange(4296.0), np.zeros((4296, 3)))
     with pytest.raises(DermisError, match="longer than a clock"):

@@ -260,7 +260,7 @@ def test_all_that_the_methods_say_of_themselves_can_be_read_back() -> None:
         ("# limited.tactor_x.slew: 2", "# limited.tactor_x.bogus: 2", "line 25", "unknown kind of limiting"),
         ("# limited.tactor_x.slew: 2", "# limited.tactor_x: 2", "line 25", "unknown kind of limiting"),
         ("# limited.tactor_x.slew: 2", "# limited.bogus.range: 4", "line 25", r"without a column .*'bogus.range'"),
-        ("# x.zebra: last", "# channel: 1", "line 8", r"nothing is named \(found 'channel'\)"),
+        ("# x.zebra: last", "# channel: 1", "line 8", r"a name is missing after the group \(found 'channel'\)"),
         ("# x.zebra: last", "# channel.gone: {}", "line 8", r"a channel without a column \(found 'channel.gone'\)"),
         ("t_s,tactor_x[m]", "time,tactor_x[m]", "line 26", r"not the time \(found 'time'; allowed: t_s\)"),
         ("tactor_x[m],", "tactor_x,", "line 26, column 2", r"not a column name \(found 'tactor_x'"),

@@ -143,7 +143,7 @@ def test_a_voice_coils_voltage_is_the_wave(tmp_path: Path) -> None:
 def test_what_cannot_be_a_wave_is_refused(tmp_path: Path) -> None:
     tactor = Library().device("haptip")
     still = CommandTrack(tactor, np.arange(3) / 1000.0, np.zeros((3, len(tactor.channels))))
-    with pytest.raises(DermisError, match="no waveform drives this device.*friction_screen"):
+    with pytest.raises(DermisError, match="not driven by a waveform.*friction_screen"):
         put(still, tmp_path)
     for settings, words in (
         ({"rate": 44_100}, "'rate' is too small"),

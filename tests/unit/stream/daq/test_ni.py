@@ -127,7 +127,7 @@ def test_a_device_that_refuses_the_last_zero_volts_is_named(tmp_path: Path) -> N
         ({"output": "Dev2/ao0"}, r"Dev2/ao0 at 48000 Hz.*\(found '[^;]*does not exist[^;]*'\)"),
         ({"output": "Dev1/ao0:1"}, "exactly one output must be named"),
         ({"wav_rate": 192_000}, "192000"),
-        ({"wav_rate": 96_000}, "does not make this rate.*95000"),
+        ({"wav_rate": 96_000}, "cannot run at this rate.*95000"),
         ({"wav_gain": None}, "voltage at the device is not known.*found 'no --wav-gain'"),
         ({"wav_full_scale": 20.0}, "more than an NI device gives"),
         ({"inputs": "Dev1/ai0:5"}, "go together"),
@@ -245,5 +245,5 @@ def test_the_fake_says_that_it_is_one_and_its_calls_are_the_maker_s() -> None:
 def test_the_package_without_its_driver_or_device_is_told_in_words() -> None:
     """By the maker's own package: most computers have neither."""
     nidaqmx = pytest.importorskip("nidaqmx", reason="nidaqmx IS NOT INSTALLED: it was not asked for its driver")
-    with pytest.raises(DermisError, match="NI-DAQmx, is not installed|does not take this"):
+    with pytest.raises(DermisError, match="NI-DAQmx, is not installed|refused these settings"):
         ni.Daq(nidaqmx, "NoSuchDevice9/ao0", "", 1000.0, 1.0)

@@ -166,7 +166,7 @@ def test_what_goes_wrong_while_it_plays_is_told_and_leaves_silence(fake: Fake) -
     with pytest.raises(DermisError, match=r"runs at another rate \(found '44100 Hz'; allowed: 48000 Hz"):
         card.run(np.zeros, lambda: True)
     fake.fails = "Device unavailable"
-    with pytest.raises(DermisError, match="is gone, or somebody else has it.*Switch the amplifier off"):
+    with pytest.raises(DermisError, match="is gone, or another program uses it.*Switch the amplifier off"):
         card.run(np.zeros, lambda: True)
 
 

@@ -48,8 +48,8 @@ def test_clipping_and_jitter_are_found() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ("?gain=0", "nothing came in.*Connect the card's output"),
-        ("?drift=0.001", r"another rate than what went out \(found '-?\+?\d+ ppm'"),
+        ("?gain=0", "received nothing.*Connect the card's output"),
+        ("?drift=0.001", r"input and output run at different rates \(found '-?\+?\d+ ppm'"),
         ("?drift=-0.0003", "another rate"),
         ("?tears=1", "another rate|torn"),
         ("?noise=0.1", "another rate|torn"),

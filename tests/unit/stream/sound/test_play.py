@@ -123,7 +123,7 @@ def test_a_signal_fades_within_five_milliseconds_and_silence_follows(number: int
     ("track", "settings", "card", "words"),
     [
         (coil_track(), {}, replace(CARD, name="other"), "card or rate differ from the measured ones"),
-        (coil_track(), {"rate": 96_000}, CARD, "another card or rate.*Measure it with 'stream loopback'"),
+        (coil_track(), {"rate": 96_000}, CARD, "card or rate differ.*Measure it with 'stream loopback'"),
         (coil_track(), {"offset": 0.5}, CARD, "blocks a constant voltage"),
         (coil_track(), {}, replace(CARD, corner=6.0), r"lowest frequencies.*found '50 Hz'; allowed: >= 59"),
         (screen_track(60.0), {}, replace(CARD, corner=10.0), "lowest frequencies.*found '60 Hz'.*Raise the carrier"),

@@ -73,7 +73,7 @@ class DERMIS_OT_press_test(Work, bpy.types.Operator):
         pin_reports.calibrated[context.object.session_uid] = fit
         low, high = core.matching.press_test.PAPER_RANGE
         spread = f" ± {fit.standard_error:.3f}" if fit.standard_error == fit.standard_error else ""
-        return f"Personal factor {fit.alpha:.3f}{spread} ({low} to {high} among the paper's people)"
+        return f"Personal factor {fit.alpha:.3f}{spread} (the paper reports {low} to {high})"
 
 
 @needs(lambda context: active_device(context, "pins"), "Select a finger with a pin array")

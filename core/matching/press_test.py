@@ -1,7 +1,8 @@
 """Personal stiffness factor alpha, from a press test.
 
 A finger is pressed to known depths, and the loads are read. Alpha is the ratio of these loads to the model's loads.
-Source: [S1] IV.D (there written the other way round: here alpha multiplies the model, E = alpha E0).
+Source: [S1] IV.D. Its text defines alpha in two ways: as the factor of the simulated force, E / E0, as here, and in the
+sentence on the fit as the factor of the measured load, E0 / E.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from ..surface.gap import Surface
 
 DEPTHS = (0.5e-3, 1.0e-3, 1.5e-3, 2.0e-3)  # [m] depths of the press test. Source: [S1] IV.D
 PLATE = 0.1  # [m] side of the plate, larger than any finger
-PAPER_RANGE = (0.61, 0.90)  # range of alpha of the ten people of [S1] fig. 6
+PAPER_RANGE = (0.61, 0.90)  # range that [S1] fig. 6 reports for ten people, read as E / E0
 
 
 @dataclass(frozen=True)

@@ -81,7 +81,8 @@ TISSUE = table(
         name="alpha",
         unit="1",
         label="Personal Factor",
-        text="This person's stiffness divided by E (alpha), from a press test. The paper's subjects have 0.61 to 0.90",
+        text="This person's stiffness divided by E (alpha), from a press test. The paper reports 0.61 to 0.90; by the "
+        "wording of its fit this would be the inverse, and 1.11 to 1.64 here",
         source="[S1] section IV.D",
         default=1.0,
         low=1e-3,

@@ -80,7 +80,7 @@ Measured: 0.79 to 1.53 N/mm (Gleeson and others 2010, as [S3] quotes it; under w
 """
 
 SIDE_AFTER = """
-That E is beyond the {young:g} kPa of the presets ([S1]) and the 61 to 90 kPa that [S1] fitted to its subjects' presses (alpha 0.61 to 0.90), so by these two measures no single E gives both. The presets keep [S1]'s.
+That E is beyond the {young:g} kPa of the presets ([S1]) and the 61 to 90 kPa of [S1]'s presses (alpha 0.61 to 0.90 as E / E0; by the wording of its fit alpha is the inverse, and E 111 to 164 kPa, which is still too soft to the side). So by these two measures no single E gives both. The presets keep [S1]'s.
 """
 
 BALLS = """

@@ -28,7 +28,7 @@ class DERMIS_OT_compare_devices(jobs.Job, bpy.types.Operator):
     floors: BoolProperty(
         name="Floors",
         description="Also compute the smallest error of any pose, for thimbles and six-leg platforms. Takes about a "
-        "minute",
+        "minute, and minutes for a long touch",
         options={"SKIP_SAVE"},
     )
 

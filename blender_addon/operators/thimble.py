@@ -73,7 +73,7 @@ class DERMIS_OT_plot_thimble(File, bpy.types.Operator):
 @needs(lambda context: _searched(context) and store.current(context.scene) is not None, "Bake a finger with a thimble")
 class DERMIS_OT_find_floor(jobs.Job, bpy.types.Operator):
     """Search all poses of this device for the smallest error of the baked touch, and the error with additional axes \
-along the pad. Takes minutes for a long touch. Esc cancels"""
+along the pad. Takes about a minute, and minutes for a long touch. Esc cancels"""
 
     bl_idname = "dermis.find_floor"
     bl_label = "Best Achievable Match"

@@ -231,7 +231,7 @@ def retold(name: str, what: str, tell: Callable[[Touch, Setup], retellings.Retol
 
 
 FAMILIES = (
-    retold("untouched", "a body more, beside, above or behind, that is not touched", retellings.untouched),
+    retold("untouched", "one more body beside, above or behind, which is not touched", retellings.untouched),
     retold("broad_phase", "every body handed to the solver", retellings.broad_phase, base=retellings.beside),
     retold("order", "bodies and fingers in another order", retellings.order, base=retellings.beside),
     retold("names", "bodies and fingers of other names", retellings.names),

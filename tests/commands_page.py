@@ -23,12 +23,15 @@ blender --command dermis sample scene.blend --out FILE
 blender --command dermis render scene.blend --out DIR
 ```
 
-The second command bakes and exports without this step. It differs in three options: `--format` writes a format instead
-of CSV (here: beside CSV); `--range` takes frames `FIRST:LAST` (`export` here: seconds `FROM TO` of a track);
-`--presets` replaces the folder of your own presets. `blender --command dermis render --help` lists all of its options.
+The second command bakes and exports without this step. Three of its options have the names of options below, and
+another meaning: `--format` writes a format instead of CSV (here: beside CSV); `--range` takes frames `FIRST:LAST`
+(`export` here: seconds `FROM TO` of a track); `--presets` replaces the folder of your own presets.
+`blender --command dermis render --help` lists all of its options.
 
 Exit status: 0 on success, 1 when a finding has the severity *error*, 2 when the command was refused. With `--json` a
 refusal is an object `error` on standard output, with a `code` that programs can compare.
+
+A value in brackets at the end of a meaning is the default.
 """
 
 

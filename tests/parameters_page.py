@@ -44,7 +44,8 @@ HEAD = """# Parameters
 
 Made from the rows of `core/parameters/` and `core/devices/kinds.py` by `python3 build_addon.py docs`; a test holds it
 current. Numbers stand in the unit of Blender's window; scenes and the engine take SI, presets say their unit.
-*Default* is the value of a new item in the window, *absent* the engine's value where a scene or preset has none.
+*Default* is the value of a new item in the window, *absent* the engine's value where a scene or preset has none
+(empty: the default; -: no value, see the note).
 Ranges hold in the window, in presets and in scenes alike; where something differs, the note says so.
 """
 
@@ -87,7 +88,7 @@ def _shown(row: Parameter, value: Any) -> str:
 def _kinds() -> str:
     lines = ["## Kinds of device\n", "The `parameters` of a preset, in SI (required ones in bold), and which"]
     lines += [
-        "of the settings above the kind reads. A finger is in each, unless it says so.\n",
+        "of the settings above the kind reads. Each kind holds a finger, unless its row says otherwise.\n",
         _row("kind", "preset", "settings"),
         _row(*3 * ["---"]),
     ]

@@ -210,8 +210,8 @@ REST = (
         "--rest",
         type=span,
         metavar="FROM:TO",
-        help="span of each recording in seconds in which nothing is touched; it gives the noise, and its rest is "
-        "moved to the table's",
+        help="span of each recording in seconds in which nothing is touched; it gives the noise; the readings are "
+        "shifted so that their mean in this span equals the table's readings at rest",
     ),
     argument(
         "--rest-rows",

@@ -48,8 +48,8 @@ def add_designs(verbs: Any) -> None:
         argument(
             "--rule",
             choices=("touch", "paper"),
-            help="rule for the number of motors of the preset: 'touch' keeps the additional error below the limit of "
-            "the touch, 'paper' is the paper's",
+            help="rule for the number of motors of the preset: 'touch' keeps the additional error below a tenth of the "
+            "touch's strength, 'paper' the error below 110 %% of that with all motors",
         ),
         argument(
             "--motors", type=int, metavar="K", help="number of motors of the preset; that of the rule if left out"

@@ -37,8 +37,8 @@ def add_scenes(verbs: Any) -> None:
         *WORKERS,
         QUIET,
         help="render sampled scenes to one CSV track per finger and device",
-        description="Render sampled scenes to one CSV track per finger and device: the fingers of one, or several "
-        "scenes, side by side.",
+        description="Render sampled scenes to one CSV track per finger and device. The fingers of one scene, or "
+        "several scenes, are computed in parallel (--workers).",
         run="command_line.scenes.render",
         writes={"out": True},
     )
@@ -81,7 +81,11 @@ def add_scenes(verbs: Any) -> None:
             "(HTML)",
         ),
         argument("--finger", type=int, default=0, metavar="I", help="index of the finger, for --out (0)"),
-        switch("--floor", "for --out: also compute the smallest error of any pose of a device, which takes minutes"),
+        switch(
+            "--floor",
+            "for --out: also compute the smallest error of any pose of a device, which takes about a minute, "
+            "and minutes for a long touch",
+        ),
         PRESETS,
         QUIET,
         help="errors of each matching method of a pin array, or of each device",
@@ -138,7 +142,8 @@ def add_scenes(verbs: Any) -> None:
         QUIET,
         help="smallest error of any pose of a device for a touch",
         description="Find the best pose of a thimble or six-leg platform at every sample of a scene's touch, and "
-        "report the error of the device, of the best pose found, and with additional axes along the pad.",
+        "report three errors: of the device, of the best pose found, and of the best pose of a device that could also "
+        "shift along the pad.",
         run="command_line.floor.floor",
         writes={"out": False},
     )

@@ -40,8 +40,8 @@ def add_sensors(verbs: Any) -> None:
             type=Path,
             metavar="FILE",
             help="the device's effect on this sensor: recorded motor commands, or of a thimble x (pitch, roll [rad], "
-            "distance [m]), and channels in any unit (.csv), or a collected table (.npz). A learned thimble takes the "
-            "virtual 19 electrodes if left out",
+            "distance [m]), and channels in any unit (.csv), or a collected table (.npz). Without a table, a learned "
+            "thimble uses the simulated sensor with 19 electrodes",
         ),
         argument("--out", type=Path, required=True, metavar="FILE.csv", help="the command track to write"),
         argument("--plot", type=Path, metavar="FILE", help="also draw the track: .png or .svg"),
@@ -62,9 +62,9 @@ def add_sensors(verbs: Any) -> None:
         *SKIN,
         PRESETS,
         help="make a device's track of a recording of a sensor",
-        description="Follow a recording of a sensor with a device: a platform, or a thimble by --method lookup, by the "
-        "eight nearest rows of a table of the device's effect on this sensor; a thimble else by a model learned from "
-        "such a table. Prints the error of the table.",
+        description="Make a track that lets a device follow a recording of a sensor. A platform, and a thimble with "
+        "--method lookup, use the eight nearest rows of a table of the device's effect on this sensor; otherwise a "
+        "thimble uses a model learned from such a table. Prints the error of the table.",
         run="command_line.follow.run",
         writes={"out": False, "plot": False},
     )
@@ -140,9 +140,9 @@ def add_sensors(verbs: Any) -> None:
         *REST,
         argument("--out", type=Path, metavar="DIR", help="write text, table (CSV) and picture there"),
         help="compare the readings of a played track with their target",
-        description="Compare target, estimate and measurement of a track that was played with the sensor in the "
-        "device: relative RMS, mean and standard deviation, by channel and by component. A sync pulse also gives the "
-        "device's delay.",
+        description="Compare three readings for a track that was played with the sensor in the device: the target's, "
+        "those that the table gives for its commands (estimate), and those that were measured: relative RMS, mean and "
+        "standard deviation, by channel and by component. A sync pulse also gives the device's delay.",
         run="command_line.follow.validate",
         writes={"out": True},
     )

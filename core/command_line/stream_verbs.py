@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ..stream.acceptance.person import INTRODUCTION
+from ..stream.acceptance.person import INTRODUCTION, QUESTIONS
 from ..stream.acceptance.report import CHECKS
 from ..stream.virtual.faults import NAMES
 from .arguments import LINK, LOG, REST, SPEAKS, TRACK, add_verb, argument, device, seconds, setting, settings_of, switch
@@ -27,7 +27,8 @@ TO_A_CARD = {
 }
 TO_AN_OUTPUT = {
     "rate": "samples per second of the output (48000 Hz)",
-    "full_scale": "range of the output in both directions; if left out, that of the device's limit",
+    "full_scale": "largest voltage of the output, in both directions; if left out, the limit of the haptic device's "
+    "channel divided by the gain",
     "gain": "required: voltage gain of the amplifier between output and device; 1 without one",
     "offset": "constant voltage at the device, added to the track's (0 V)",
 }
@@ -52,8 +53,8 @@ def add_streams(commands: Any) -> None:
         switch("--yes", "arm without asking; its warnings are printed"),
         help="play a track to a device, once",
         description="Play a track to a device, once. Exit status: 0; 1 if the device refused more than 1 % of the "
-        "commands or took them too late, or if the log is not whole; 2 if it was not played to its end; 128 and "
-        "a signal's number.",
+        "commands or took them too late, or if the log is not whole; 2 if it was not played to its end; 128 plus "
+        "a signal's number if a signal ended it.",
         run="stream.play_command.play",
     )
     add_verb(
@@ -95,8 +96,8 @@ def add_streams(commands: Any) -> None:
         switch("--yes", "play without asking"),
         help="play a voice coil's or a screen's track through an NI device, once, and measure forces",
         description="Play the voltage of a track through an analog output of an NI device, clocked by the device, and "
-        "log a force sensor at its inputs meanwhile. Exit status: 0; 2 if it was not played to its end; 128 and a "
-        "signal's number.",
+        "log a force sensor at its inputs meanwhile. Exit status: 0; 2 if it was not played to its end; 128 plus a "
+        "signal's number if a signal ended it.",
         run="stream.daq.play.daq",
         writes={"forces": False},
     )
@@ -221,8 +222,8 @@ def add_streams(commands: Any) -> None:
             "--fault", action="append", default=[], metavar="NAME=VALUE", help=f"may be repeated: {', '.join(NAMES)}"
         ),
         help="run a virtual device until its input ends",
-        description="Run a virtual device, and print its address. It ends with its standard input: in a terminal by "
-        "Ctrl-D, and without one at once.",
+        description="Run a virtual device, and print its address. It ends when its standard input ends: press "
+        "Ctrl-D in a terminal. With an empty standard input (`< /dev/null`) it ends at once.",
         run="command_line.stream.virtual",
     )
     add_verb(
@@ -240,7 +241,7 @@ def add_streams(commands: Any) -> None:
         ),
         argument("--out", type=Path, metavar="FILE", help="report (acceptance_DEVICE_DATE.md in this folder)"),
         help="try a built device on the bench, and write a dated report",
-        description=INTRODUCTION,
+        description=f"Try a built device on the bench, and write a dated report.\n{INTRODUCTION}\n{QUESTIONS}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         run="stream.acceptance.command.run",
         writes={"out": False},
@@ -262,7 +263,8 @@ def add_streams(commands: Any) -> None:
         ),
         argument("--out", type=Path, metavar="FILE", help="calibration (calibration_DEVICE_CHANNEL_DATE.json)"),
         help="measure what an actuator reaches on the bench, and write its calibration",
-        description=INTRODUCTION,
+        description="Drive one actuator from stop to stop, ask what it reaches, and write its calibration.\n"
+        f"{INTRODUCTION}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         run="stream.acceptance.curve_walk.run",
         writes={"out": False},

@@ -164,7 +164,8 @@ _FRICTION_SCREEN = table(
         high=20_000.0,
         soft=(None, 500.0),
         keyed=True,
-        note="by default the rest of the preset's channel 'carrier'; values outside the preset's range are reported",
+        note="where a scene states none: the rest of the preset's channel 'carrier'; values outside the preset's "
+        "range are reported",
     ),
     Parameter(
         name="direction_window",

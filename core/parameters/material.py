@@ -10,8 +10,8 @@ from .parameter import SWITCH, TEXT, Parameter, table
 
 FRICTION = 0.6  # [1] friction of skin on a surface that states none. Source: Seo 2009, abstract: finger on aluminium
 
-_OFF = "amplitude 0 by default, so that a bare scene is still; the window starts with a perceptible one"
-_ON = "on by default, at amplitude 0; off in the window until it is enabled"
+_OFF = "0 where a scene states none, so that a bare scene is still; the window starts with a perceptible one"
+_ON = "on where a scene states none, but at amplitude 0; off in the window until it is enabled"
 
 
 def _texture_amplitude(name: str, axis: str) -> Parameter:
@@ -63,8 +63,8 @@ MATERIAL = table(
         name="surface_stiffness",
         unit="Pa/m",
         label="Surface Stiffness",
-        text="Stiffness of the object's surface in contact with simulated skin: pressure per millimetre of "
-        "indentation. 0 is rigid. Skin itself has about 17",
+        text="Stiffness of the object's surface in contact with simulated skin: pressure per depth of "
+        "indentation (1 MPa/m is 1 kPa per mm). 0 is rigid. Skin itself has about 17 MPa/m",
         default=0.0,
         low=0.0,
         high=1e15,
@@ -192,7 +192,7 @@ MATERIAL = table(
         name="weight_gravity",
         unit="1/(m/s^2)",
         label="Gravity",
-        text="Share of the device's range per m/s² of gravity; 0.1 uses 98 %",
+        text="Share of the device's range per m/s² of gravity; at 0.1, gravity uses 98 % of the range",
         default=0.05,
         absent=0.0,
         low=0.0,
@@ -300,14 +300,14 @@ BODY = table(
         name="kink_time",
         unit="s",
         label="Rounding",
-        text="Time over which a jump in the velocity of a held object is spread, as linear interpolation between "
-        "keys makes them. The position is not changed. 0 keeps the jumps",
+        text="Time over which a jump in the velocity of a held object is spread, such as linear interpolation "
+        "between keys makes. The position is not changed. 0 keeps the jumps",
         default=0.1,
         low=0.0,
         high=10.0,
         soft=(None, 0.5),
         digits=3,
-        note="about the time in which a hand reverses; used with simulated skin",
+        note="0.1 s is about the time in which a hand reverses; used with simulated skin",
     ),
 )
 # Used while Blender's scene is sampled. The engine gets a surface that is already curved, in `Body.mesh`.

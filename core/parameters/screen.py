@@ -37,9 +37,9 @@ SEQUENCE = table(
     Parameter(
         name="map_fps",
         unit="Hz",
-        text="Maps a second of a sequence",
+        text="Number of maps per second of a sequence",
         above=0.0,
-        note="one a frame where a scene does not say; Blender's sequences are",
+        note="where a scene states none: one per frame, as in Blender",
     ),
 )
 # Converts a map's values to lengths while Blender's scene is sampled. The engine gets `Screen.height_unit` instead.

@@ -67,13 +67,14 @@ STREAM = table(
         low=0.0,
         high=10.0,
         soft=(None, 1.0),
-        note="0 by default, so that the touch screen follows a finger at once",
+        note="0 in scripts, so that the touch screen follows a finger at once",
     ),
     Parameter(
         name="rate",
         unit="Hz",
         label="Rate",
-        text="Commands per second. 0 is the device's own rate. A slow link carries fewer. Takes effect at Connect",
+        text="Commands per second. 0 is the device's own rate. A slow link carries fewer. In "
+        "Blender, takes effect at Connect",
         default=0.0,
         low=0.0,
         high=10_000.0,

@@ -21,7 +21,7 @@ from ..local_stream import say
 from ..signals import Interrupted, Signals
 from .bench import NOT_ARMED, Bench
 from .host import ATTEMPTS
-from .person import INTRODUCTION, NobodyThere, Terminal
+from .person import INTRODUCTION, QUESTIONS, NobodyThere, Terminal
 from .report import Check, Report
 from .walk import Walk
 
@@ -61,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     connected = False
     with signals.caught():  # an interruption first brings the device to its safe state
         try:
-            print(INTRODUCTION)
+            print(INTRODUCTION, QUESTIONS, sep="\n")
             person.wait(f"{bench.wire.spec.name} at {options.url}: fingers out? Enter begins.")
             report.write(path, now)  # if the file cannot be written, the error comes before anything moves
             bench.connect()

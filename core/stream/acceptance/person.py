@@ -14,7 +14,8 @@ from ...errors import DermisError
 
 INTRODUCTION = """\
 FINGERS OUT. Keep all fingers out of the device until the end.
-Have a switch in the actuators' supply within reach. Ctrl-C stops at any time.
+Have a switch in the actuators' supply within reach. Ctrl-C stops at any time."""
+QUESTIONS = """\
 The program asks about what it cannot measure: y (yes), n (no), s (skip; the device then counts as not fully tested)."""
 ANSWERS = {"y": True, "yes": True, "n": False, "no": False, "s": None, "skip": None}
 

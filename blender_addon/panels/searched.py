@@ -10,6 +10,7 @@ import bpy
 from .._core import core
 from ..layouts import paragraph
 from ..preview import thimble_preview
+from ..properties import skin_properties
 from ..results import floors
 from ..viewport import shown
 
@@ -30,6 +31,8 @@ def adaptation(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, f
             network, ridge = 100 * found["network_error"], 100 * found["ridge_error"]
             words += f": network {network:.0f} %, polynomial {ridge:.0f} % off"
         paragraph(layout, context, words, "CHECKMARK")
+        if skin_properties.tissue(obj.dermis.finger.skin) != "linear":
+            paragraph(layout, context, linear_words(found), "INFO")
     elif method in core.matching.thimble_use.LEARNED:
         paragraph(
             layout,
@@ -39,6 +42,15 @@ def adaptation(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, f
             "ERROR",
         )
     layout.operator("dermis.adapt_thimble", icon="FILE_REFRESH" if found is not None else "MOD_LATTICE")
+
+
+def linear_words(figures: dict[str, Any]) -> str:
+    """Return what an adaptation is to neo-Hookean tissue, from its figures."""
+    errors = core.surrogate.store.errors_by_law(figures)
+    words = "It was learned on linear tissue, and the neo-Hookean law corrects it in each frame"
+    if len(errors) == 2:
+        words += f": by the law, network {100 * errors['network']:.0f} %, polynomial {100 * errors['ridge']:.0f} % off"
+    return f"{words}."
 
 
 def skin_and_mismatch(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:

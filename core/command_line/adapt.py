@@ -67,13 +67,19 @@ def _told(skin: str, future: JobFuture, folder: Path) -> bool:
             write_bytes(folder / name.removeprefix("file "), data.tobytes())
     print(f"{folder}: {skin}: learned from {int(made['samples'])} samples of {int(made['movements'])} movements")
     for kind, row in zip(KINDS, made["held_out"], strict=True):
-        print(f"  {_quality(kind, row)}")
+        print(f"  {_quality(f'{kind}, {int(row[-1])} movements held out', row)}")
+    if "by_law" in made:
+        row = made["by_law"]
+        print(
+            "  learned on linear tissue, though this finger's is neo-Hookean; devices correct it by the law every frame"
+        )
+        print(f"  {_quality(f'by the law, in use, {int(row[-1])} movements', row)}")
     return True
 
 
-def _quality(kind: str, row: NDArray[np.float64]) -> str:
-    ridge, ridge_most, network, network_most, movements = row.tolist()
+def _quality(what: str, row: NDArray[np.float64]) -> str:
+    ridge, ridge_most, network, network_most, _ = row.tolist()
     return (
-        f"{kind.replace('_', ' ')}, {int(movements)} movements held out: polynomial {100 * ridge:.1f} % off "
+        f"{what.replace('_', ' ')}: polynomial {100 * ridge:.1f} % off "
         f"(nine in ten below {100 * ridge_most:.1f} %), network {100 * network:.1f} % ({100 * network_most:.1f} %)"
     )

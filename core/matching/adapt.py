@@ -21,7 +21,8 @@ from ..surrogate.lessons import KINDS
 from ..surrogate.store import adapt, place_of, save
 from .thimble_use import disc_device
 
-SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}  # start and end, 1/1000 of the time
+# Start and end of each stage, in thousandths of the time.
+SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 960), "law": (960, 1000)}
 
 
 def adapt_job(
@@ -42,6 +43,7 @@ def adapt_job(
         'samples' and 'movements': numbers of those that were learned from.
         'held_out': for each of `KINDS`, the error of the ridge regression and the value below which nine in ten
         movements stay, the same two of the network, and the number of movements, shape (kinds, 5).
+        'by_law': the same errors by the skin's nonlinear law, shape (5,); only if the skin follows one.
         'file NAME': the bytes of each file, only without a folder.
 
     Raises:
@@ -63,19 +65,23 @@ def adapt_job(
 
     steps = adapt(device, skin, friction, report=tell, **wanted)
     made = drain(steps, lambda step: tell(*step))
+    report(1000, 1000)  # on linear skin there is no stage 'law'
     with TemporaryDirectory() if "folder" not in parameters else nullcontext(parameters["folder"]) as folder:
         paths = save(place_of(Path(folder), skin, device, friction), made)
         travels = {} if "folder" in parameters else {f"file {p.name}": np.fromfile(p, np.uint8) for p in paths}
     meta = made.meta
-    held_out = []
-    for kind in KINDS:
-        ridge, network = (meta["held_out"][name][kind] for name in ("ridge", "network"))
-        row = ridge["error"], ridge["most"], network["error"], network["most"], ridge["movements"]
-        held_out.append(row)
+    held_out = [_row(*(meta["held_out"][name][kind] for name in ("ridge", "network"))) for kind in KINDS]
+    law = {"by_law": np.array(_row(meta["by_law"]["ridge"], meta["by_law"]["network"]))} if "by_law" in meta else {}
     return {
         "errors": np.array([meta["ridge_error"], meta["network_error"]]),
         "samples": np.array(meta["samples"]),
         "movements": np.array(meta["movements"]),
         "held_out": np.array(held_out),
+        **law,
         **travels,
     }
+
+
+def _row(ridge: Mapping[str, float], network: Mapping[str, float]) -> tuple[float, ...]:
+    """Return the errors of both fits side by side, see `adapt_job`."""
+    return ridge["error"], ridge["most"], network["error"], network["most"], ridge["movements"]

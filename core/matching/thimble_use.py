@@ -33,7 +33,8 @@ from ..parameters.device import DEVICE
 from ..skin.model import SkinModel
 from ..surrogate.forward import ForwardModel
 from ..surrogate.soundness import try_out
-from ..surrogate.store import contact_of, load, place_of
+from ..surrogate.store import contact_of, errors_by_law, load, place_of
+from ..surrogate.surrogate import Surrogate
 
 METHODS = DEVICE["thimble_method"].keys
 LOOKUP = "lookup"  # the method of platforms that takes commands from a table instead of a search for a pose
@@ -179,7 +180,24 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
             "warning", code="surrogate", what=f"the direct method was used: {error.what}", where=where
         )
         return ThimbleUse(device, skin, friction, hover, "stress", None, None, (finding, *near))
-    return ThimbleUse(device, skin, friction, hover, method, observation_matrix, learned, near)
+    linear = _linear(method, surrogate, where) if skin.follows_law else ()
+    return ThimbleUse(device, skin, friction, hover, method, observation_matrix, learned, (*linear, *near))
+
+
+def _linear(method: str, surrogate: Surrogate, where: str) -> tuple[Finding, ...]:
+    """Report that a learned model of linear tissue is used on tissue that follows a nonlinear law."""
+    error = errors_by_law(surrogate.meta).get(method)
+    return (
+        Finding(
+            "info",
+            "surrogate-linear",
+            "the learned model was trained on linear tissue, but this finger's is neo-Hookean: the law corrects it "
+            "once in each frame",
+            where,
+            None if error is None else f"by the law {100 * error:.0f} % off",
+            remedy="Use the direct method, which searches by the law",
+        ),
+    )
 
 
 def _near(spec: DeviceSpec, device: DiscDevice, contact: DiscContact) -> tuple[Finding, ...]:

@@ -9,6 +9,7 @@ from blender_addon import choices
 from blender_addon._core import core
 from blender_addon.demos import demo_thimble
 from blender_addon.devices import skin_models, thimble_adaptation, thimble_devices
+from blender_addon.panels import searched
 from blender_addon.properties import skin_properties
 from blender_addon.results import store
 
@@ -69,6 +70,13 @@ def test_an_adaptation_is_found_by_both_methods(finger) -> None:
     assert thimble_adaptation.status(device, model_of(finger)) is not None
     finger.dermis.finger.skin.width_mm += 1.0
     assert thimble_adaptation.status(device, model_of(finger)) is None
+
+
+def test_on_neo_hookean_tissue_the_panel_says_that_linear_tissue_was_learned() -> None:
+    judged = {"by_law": {"network": {"error": 0.08}, "ridge": {"error": 0.071}}}
+    words = "It was learned on linear tissue, and the neo-Hookean law corrects it in each frame"
+    assert searched.linear_words(judged) == f"{words}: by the law, network 8 %, polynomial 7 % off."
+    assert searched.linear_words({}) == f"{words}."
 
 
 def test_lengths_that_do_not_ship_are_adapted_to_where_they_are_touched(finger, tmp_path, monkeypatch) -> None:

@@ -31,7 +31,7 @@ another meaning: `--format` writes a format instead of CSV (here: beside CSV); `
 Exit status: 0 on success, 1 when a finding has the severity *error*, 2 when the command was refused. With `--json` a
 refusal is an object `error` on standard output, with a `code` that programs can compare.
 
-A value in brackets at the end of a meaning is the default.
+A value in brackets at the end of a meaning is the default; (CSV), (HTML) and (JSON) are formats of files.
 """
 
 

@@ -270,7 +270,7 @@ class Survey:
         fixed = {"first": tiles.first, "ways": tiles.ways, "root": tiles.root, "halved": tiles.halved}
         fixed |= {"place": tiles.place, "quarters": tiles.quarters, "ways_before": np.zeros(cells, dtype=np.int64)}
         fixed |= {"positions": self.positions, "normals": self.normals, "sides": self.sides, "limits": self.limits}
-        fixed |= {"longs": self.longs, "owner": owner}
+        fixed |= {"longs": self.longs, "owner": owner, "afar": np.full((roots, 3), np.nan)}
         fixed |= {"in_root": in_root, "raised": self.raised, "load": self.load, "table": self.table}
         fixed |= {"rows": np.arange(len(self.load)), "clearance": self.clearance, "room": self.out}
         fixed |= {"leaves": self.out[2], "cuts": self.out[3], "cut_ways": self.out[4]}

@@ -188,10 +188,11 @@ typedef struct {
                                     resulting cells are the same */
     int64_t most;                /* capacity of the arrays below; 4 per root are enough if `coarsest` is at most 1 */
     int64_t *room;               /* workspace (2, most) */
+    double *afar;                /* workspace (roots, 3) */
     int64_t finest;              /* largest number of times that a side may be halved; in: in the last survey; out: in
                                     this one */
-    int64_t found, cut, edges;   /* out: number of cells that may touch, of divided cells, and of cells with an edge
-                                    nearby */
+    int64_t found, cut, edges;   /* out: number of cells that may touch, and of divided cells; 1 if an edge is near a
+                                    cell that may be divided, else 0 */
     int64_t *leaves;             /* out: cells that may touch (found) */
     double *clearance;           /* out: gaps of these cells (found) [m] */
     int64_t *cuts, *cut_ways;    /* out: divided cells, and the direction in which each is divided (cut) */

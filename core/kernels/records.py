@@ -182,6 +182,7 @@ class SurveyRecord(ctypes.Structure):
         ("thorough", ctypes.c_int64),
         ("most", ctypes.c_int64),
         ("room", ctypes.c_void_p),
+        ("afar", ctypes.c_void_p),
         ("finest", ctypes.c_int64),
         ("found", ctypes.c_int64),
         ("cut", ctypes.c_int64),

@@ -48,7 +48,7 @@
     FIELD(dermis_survey, beyond) FIELD(dermis_survey, beside) FIELD(dermis_survey, merge) FIELD(dermis_survey, odd) \
     FIELD(dermis_survey, level) FIELD(dermis_survey, deep) FIELD(dermis_survey, steep) \
     FIELD(dermis_survey, often) FIELD(dermis_survey, coarsest) FIELD(dermis_survey, many) FIELD(dermis_survey, thorough) \
-    FIELD(dermis_survey, most) FIELD(dermis_survey, room) FIELD(dermis_survey, finest) \
+    FIELD(dermis_survey, most) FIELD(dermis_survey, room) FIELD(dermis_survey, afar) FIELD(dermis_survey, finest) \
     FIELD(dermis_survey, found) FIELD(dermis_survey, cut) FIELD(dermis_survey, edges) FIELD(dermis_survey, leaves) \
     FIELD(dermis_survey, clearance) FIELD(dermis_survey, cuts) FIELD(dermis_survey, cut_ways)
 #define LAW(FIELD) \

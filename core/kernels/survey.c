@@ -17,27 +17,15 @@ static int64_t find(const dermis_survey *s, int64_t root, const int64_t *halved,
     return first + code;
 }
 
-/* Compute the displacement of a root without points [m]: with the bone, and by the forces on other roots. */
-static void moved_afar(const dermis_survey *s, int64_t root, double *shift) {
-    for (int k = 0; k < 3; k++) shift[k] = s->common[k];
-    for (int64_t j = 0; j < s->loaded; j++)
-        for (int a = 0; a < 3; a++) {
-            const float *row = s->table + ((s->rows[j] * 3 + a) * s->roots + root) * 3;
-            for (int k = 0; k < 3; k++) shift[k] += s->load[3 * j + a] * (double)row[k];
-        }
-}
-
 /* Compute the displacement of the skin at a cell [m].
 
    It is the mean over the points that cover the centres of the cell's quarters. Without such points, it is that of the
-   last point in the root; without points in the root, it is computed by `moved_afar`. */
+   last point in the root; without points in the root, it is that of `move_afar`. */
 static void shift_of(const dermis_survey *s, int64_t cell, double *shift) {
     int64_t root = s->root[cell], under = 0;
-    for (int k = 0; k < 3; k++) shift[k] = 0.0;
-    if (s->in_root[root] < 0) {
-        moved_afar(s, root, shift);
-        return;
-    }
+    int afar = s->in_root[root] < 0;
+    for (int k = 0; k < 3; k++) shift[k] = afar ? s->afar[3 * root + k] : 0.0;
+    if (afar) return;
     for (int q = 0; q < 4; q++) {
         int64_t point = s->owner[root * s->squares + s->quarters[4 * cell + q]];
         if (point < 0 || point >= s->points) continue;
@@ -183,8 +171,11 @@ static int64_t curved(const dermis_survey *s, int64_t cell, const footprint *of)
    The first four test points show whether the body is curved at the cell itself. The second four are farther out: they
    show edges beside the cell. */
 static int64_t way_of(dermis_survey *s, int64_t cell, const double *shift, const dermis_sight *centre) {
+    const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
+    int64_t all = (halved[0] < s->finest) | (halved[1] < s->finest) << 1;
     footprint of;
     double at[3], nearest, corners[24];
+    if (!all && s->edges) return 0;
     dermis_sight middle = look_down(s, cell, shift, centre, &of, at);
     corners_of(s, cell, s->corners, 0.0, corners);
     corners_of(s, cell, 0.5, s->beyond, corners + 12);
@@ -194,11 +185,42 @@ static int64_t way_of(dermis_survey *s, int64_t cell, const double *shift, const
     for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of.gap[corner]);
     if (nearest >= s->limits[cell]) return 0;
     int64_t way = turned(s, cell, &of, s->turned, s->sharp) | curved(s, cell, &of);
+    if (way == all && s->edges) return some[way];
     look_about(s, cell, at, corners + 12, *centre, &of);
-    if (apart(&of) > s->merge * s->edge) s->edges++;
-    way |= turned(s, cell, &of, s->edge, s->sharp);
-    const int64_t *halved = s->halved + 2 * cell;
-    return s->ways[(halved[0] * s->levels + halved[1]) * 4 + way];
+    if (apart(&of) > s->merge * s->edge) s->edges = 1;
+    return some[way | turned(s, cell, &of, s->edge, s->sharp)];
+}
+
+/* Return the point at the centre of a cell in undeformed skin, and the direction into the finger there. */
+static void centre_of(const dermis_survey *s, int64_t cell, double *x, double *inward) {
+    for (int k = 0; k < 3; k++) x[k] = s->positions[3 * cell + k], inward[k] = -s->normals[3 * cell + k];
+}
+
+/* Return the largest gap of interest at the centre of a cell [m]. */
+static double near_of(const dermis_survey *s, int64_t cell) {
+    return dermis_least(s->limit, s->limits[cell] + s->beside * s->longs[cell]);
+}
+
+/* Compute the displacement of the roots without points that a body may touch [m]: with the bone, and by the forces on
+   other roots. A quick test finds them, because skin without points moves less than points do; the others get NaN. The
+   rows of the table are read as they lie in memory. farthest: as for `walk`. */
+static void move_afar(const dermis_survey *s, double farthest) {
+    int64_t *near = s->room, count = 0;
+    dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1};
+    for (int64_t root = 0; root < s->roots; root++) {
+        double x[3], inward[3], *shift = s->afar + 3 * root;
+        if (s->in_root[root] >= 0) continue;
+        centre_of(s, root, x, inward);
+        dermis_look(s->posed, s->bodies, near_of(s, root) + farthest, x, inward, &sight);
+        for (int k = 0; k < 3; k++) shift[k] = sight.body < 0 ? __builtin_nan("") : s->common[k];
+        if (sight.body >= 0) near[count++] = root;
+    }
+    for (int64_t j = 0; j < 3 * s->loaded; j++) {
+        const float *row = s->table + (3 * s->rows[j / 3] + j % 3) * s->roots * 3;
+        double load = s->load[j];
+        for (int64_t i = 0; i < count; i++)
+            for (int k = 0; k < 3; k++) s->afar[3 * near[i] + k] += load * (double)row[3 * near[i] + k];
+    }
 }
 
 /* Walk the tree level by level; return 0 if more cells than `many` may touch, or if the arrays are too small.
@@ -213,13 +235,14 @@ static int walk(dermis_survey *s, double many, double farthest) {
         dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1};
         for (int64_t i = 0; i < count; i++) {
             int64_t cell = cells[i], way = 0;
-            double shift[3], x[3], inward[3], near = dermis_least(s->limit, s->limits[cell] + s->beside * s->longs[cell]);
-            for (int k = 0; k < 3; k++) x[k] = s->positions[3 * cell + k], inward[k] = -s->normals[3 * cell + k];
-            if (s->in_root[s->root[cell]] < 0) { /* a quick test: skin without points moves less than points do */
+            double shift[3], x[3], inward[3], near = near_of(s, cell);
+            shift_of(s, cell, shift);
+            if (shift[0] != shift[0]) continue;
+            centre_of(s, cell, x, inward);
+            if (cell >= s->roots && s->in_root[s->root[cell]] < 0) { /* the quick test of `move_afar` */
                 dermis_look(s->posed, s->bodies, near + farthest, x, inward, &sight);
                 if (sight.body < 0) continue;
             }
-            shift_of(s, cell, shift);
             for (int k = 0; k < 3; k++) x[k] += shift[k];
             dermis_look(s->posed, s->bodies, near, x, inward, &sight);
             if (sight.body < 0) continue;
@@ -260,6 +283,7 @@ DERMIS_NOINLINE static int32_t survey(dermis_survey *s) {
     double many = (double)s->many, farthest = 0.0;
     for (int64_t k = 0; k < s->points; k++) farthest = dermis_most(farthest, dermis_dot(s->raised + 3 * k, s->raised + 3 * k));
     farthest = dermis_root(farthest) + dermis_root(dermis_dot(s->common, s->common));
+    move_afar(s, farthest);
     while (!walk(s, s->finest > s->coarsest ? many : (double)s->most, farthest)) {
         if (s->finest <= s->coarsest) return DERMIS_BAD_RECORD;
         s->finest--;

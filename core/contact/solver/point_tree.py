@@ -100,7 +100,7 @@ class PointTree:
         named = {"first": tiles.first, "ways": tiles.ways, "root": tiles.root, "halved": tiles.halved}
         named |= {"place": tiles.place, "quarters": tiles.quarters, "ways_before": self._ways}
         named |= {"positions": cells.positions, "normals": cells.normals, "sides": cells.sides}
-        named |= {"limits": NEAR * self._sides + MARGIN, "longs": self._long}
+        named |= {"limits": NEAR * self._sides + MARGIN, "longs": self._long, "afar": np.empty((len(self._roots), 3))}
         self._kept = {name: np.ascontiguousarray(array) for name, array in named.items()}
         for name, array in self._kept.items():
             setattr(record, name, address(array))

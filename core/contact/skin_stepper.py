@@ -30,7 +30,7 @@ from .proximity import Proximity
 from .sample_window import Approach
 from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody, NodeGaps
-from .solver.cone import SLIP, STICK
+from .solver.cone import SLIP, STICK, carrying
 from .solver.grip import GripStep
 from .solver.point_solver import REACH, PointSolver
 
@@ -229,7 +229,7 @@ class SkinStepper:
             self._coarse.take(solution, frame)
         if self.surface is None or not isinstance(solver, PointSolver) or not solution.force.any():
             return _skin_step(bone)
-        loaded = np.flatnonzero(solution.force.any(axis=1))
+        loaded = carrying(solution.force).nonzero()[0]
         points = PointForces(self.surface, solver.cells[loaded], solution.force[loaded], bone.step.amounts)
         return _skin_step(bone, points)
 

@@ -96,7 +96,7 @@ class CellGaps:
         place = np.full(count, NONE)
         place[order] = np.arange(len(order))
         own, others = place[self.last.own], place[self.last.others]
-        kept = np.flatnonzero((own != NONE) & (others != NONE).all(axis=0))
+        kept = ((own != NONE) & (others != NONE).all(axis=0)).nonzero()[0]
         self.last = _Turned(own, self.last.axis, others).take(kept) if len(kept) else None
         self._found = self._found and (self._found[0][:, kept], self._found[1][:, kept])
 
@@ -160,13 +160,13 @@ class CellGaps:
             known &= (last.others[:, place[own]] == turned.others).all(axis=0)
             for told, values in zip((clearance, body), found, strict=True):
                 told[:, known] = values[:, place[own[known]]]
-            new = np.flatnonzero(~known)
+            new = (~known).nonzero()[0]
         if len(new):
             halves = turned.take(new).halves(points.positions, places, points.sides).reshape(-1, 3)
             more = node_gaps(halves, gaps.bodies, self._search_radius, self._bone)
             clearance[:, new], body[:, new] = more.clearance.reshape(2, -1), more.body.reshape(2, -1)
         nearer = clearance.mean(axis=0) - gaps.clearance[own]
-        told = np.flatnonzero((body == gaps.body[own]).all(axis=0))
+        told = (body == gaps.body[own]).all(axis=0).nonzero()[0]
         out = replace(gaps, gap=gaps.gap.copy(), clearance=gaps.clearance.copy())
         out.clearance[own[told]] += nearer[told]
         out.gap[own[told]] += nearer[told]
@@ -191,6 +191,6 @@ def _turned(gaps: NodeGaps, sides: Array, beside: Indices) -> tuple[_Turned, Ind
     each = np.arange(len(axis))
     off = gaps.clearance[rows] / width[each, axis]
     most = turned[each, axis].max(axis=1)
-    own = np.flatnonzero((off < FARTHER) & (most > (LESS * TURNED) ** 2))
-    touching = np.flatnonzero((off[own] < 1.0) & (most[own] > TURNED**2))
+    own = ((off < FARTHER) & (most > (LESS * TURNED) ** 2)).nonzero()[0]
+    touching = ((off[own] < 1.0) & (most[own] > TURNED**2)).nonzero()[0]
     return _Turned(rows[own], axis[own], others.reshape(-1, 2, 2)[own, axis[own]].T), touching

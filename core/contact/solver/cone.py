@@ -22,6 +22,14 @@ def along(vectors: Array, normals: Array) -> Array:
     return np.einsum("ij,ij->i", vectors, normals)
 
 
+def carrying(force: Array) -> NDArray[np.bool_]:
+    """Return which nodes carry force, shape (k,), for forces [N], shape (k, 3).
+
+    NumPy's `any` along rows of three takes three times as long.
+    """
+    return np.asarray(np.einsum("ij->i", np.abs(force)).astype(np.bool_))
+
+
 def project(vectors: Array, normals: Array, friction: Array) -> tuple[Array, NDArray[np.int8]]:
     """Return Alart and Curnier's projection of vectors, shape (k, 3), and the status of each node, shape (k,).
 

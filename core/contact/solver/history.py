@@ -164,7 +164,7 @@ class ContactHistory:
         """
         normal = gaps.normal
         anchored = (self.body == gaps.body) & (self.body >= 0)
-        other = np.flatnonzero((self.body != gaps.body) & (self.body >= 0) & (gaps.body >= 0))
+        other = ((self.body != gaps.body) & (self.body >= 0) & (gaps.body >= 0)).nonzero()[0]
         if other.size:  # friction continues across the seam to a body that continues the surface
             there = np.array([not body.away for body in gaps.bodies])[self.body[other]]
             level = np.einsum("ij,ij->i", self.normals(gaps.bodies)[other], normal[other]) > LEVEL
@@ -194,7 +194,7 @@ class ContactHistory:
         renewed = near & ~(sticking & (self.body == gaps.body))
         for some in moved:
             renewed[some] = near[some]
-        nodes = np.flatnonzero(renewed)
+        nodes = renewed.nonzero()[0]
         if nodes.size:
             body, triangle = gaps.body.take(nodes), gaps.triangle.take(nodes)
             self._put(gaps.bodies, nodes, body, triangle, positions.take(nodes, axis=0))

@@ -19,6 +19,7 @@ import numpy as np
 from ...arrays import Array, Indices
 from .between import matter_moved
 from .bodies import ContactBody, NodeGaps, owned
+from .cone import carrying
 from .law_skin import Fold, LawSkin
 from .path_step import SolvedFrame
 
@@ -189,7 +190,7 @@ def _went(solver: LinearContact, gaps: NodeGaps, force: Array) -> Array | None:
     Returns:
         Translation and rotation about the loaded points [m], shape (6,).
     """
-    touched = force.any(axis=1)
+    touched = carrying(force)
     way = _moved(solver, gaps, np.where(touched, gaps.body, -1))[touched]
     if not len(way) or np.isnan(way).any():
         return None

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
+from .cone import carrying
 from .point_set import PointSet
 
 
@@ -56,7 +57,7 @@ class MovedSkin:
             3); its rows for the k loaded cells; the forces on these, divided by the modulus, shape (k, 3); and the
             displacement of all skin with the bone [m], shape (3,).
         """
-        pad, loaded = self.points.pad, np.flatnonzero(self.force.any(axis=1))
+        pad, loaded = self.points.pad, carrying(self.force).nonzero()[0]
         under, which = np.unique(pad.chart.tiles.root[self.points.cells[loaded]], return_inverse=True)
         on = np.stack([np.bincount(which, self.force[loaded, k], len(under)) for k in range(3)], axis=1)
         rows, place = pad.coarse.places(under)

@@ -123,7 +123,7 @@ def over_rims(
     normal, way = gaps.normal, places - points
     steep = dot(normal, inward)
     drawn = dot(way, normal) - dot(way, inward) * steep  # tangential displacement along the normal of the wall
-    hung = np.flatnonzero((gaps.clearance < drawn) & (drawn > HOLD * LEAST) & (np.abs(steep) < WALL))
+    hung = ((gaps.clearance < drawn) & (drawn > HOLD * LEAST) & (np.abs(steep) < WALL)).nonzero()[0]
     if not hung.size:
         return gaps
     out = gaps

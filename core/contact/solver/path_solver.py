@@ -20,7 +20,7 @@ from ...errors import DermisError, Finding
 from ...kernels.library import kernels
 from .bodies import BONE, ContactBody, Expected, NodeGaps, node_gaps, same_places
 from .compliance import Compliance, Linear, own_compliance, refuse_indefinite
-from .cone import assess
+from .cone import assess, carrying
 from .frame_friction import UNMOVED, FrameFriction
 from .history import ContactHistory
 from .law_frame import solved_by_law
@@ -204,7 +204,7 @@ class PathSolver:
     def loaded(self) -> NDArray[np.bool_]:
         """Which nodes carried force in the last frame, shape (m,)."""
         if self._loaded[0] is not self._force:
-            self._loaded = self._force, np.asarray(self._force.any(axis=1), dtype=np.bool_)
+            self._loaded = self._force, carrying(self._force)
         return self._loaded[1]
 
     @property
@@ -350,7 +350,7 @@ class PathSolver:
     def _solve(self, b: Array, gaps: NodeGaps, soft: Array) -> SolvedFrame:
         normal, mu = gaps.normal, gaps.friction
         start, image = self._force, self._image
-        gone = (gaps.body < 0) & start.any(axis=1)
+        gone = (gaps.body < 0) & self.loaded
         if gone.any():  # nothing is near these nodes any more, so their forces vanish first
             start = np.where(gone[:, None], 0.0, start)
             image = self._apply(start)

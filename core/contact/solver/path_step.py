@@ -88,7 +88,7 @@ class PathStep:
         """
         if self.gaps is None:
             return 0.0
-        inside = np.flatnonzero(self.gaps.gap < 0.0)
+        inside = (self.gaps.gap < 0.0).nonzero()[0]
         deep, normal, inward = -self.gaps.gap[inside], self.gaps.normal[inside], bone - points[inside]
         # The direction is to the nearest part of the bone: beside the bone it has no Y part, beyond its end it has one.
         inward[:, 1] = np.minimum(inward[:, 1] + BONE_END, 0.0)

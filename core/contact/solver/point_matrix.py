@@ -10,6 +10,7 @@ import numpy as np
 
 from ...arrays import Array, Floats32, Indices
 from ...skin.surface_compliance import SurfaceCompliance
+from .cone import carrying
 
 GROWTH = 1.2  # factor by which the memory grows if it is too small
 
@@ -79,7 +80,7 @@ class PointMatrix:
 
     def displacement(self, force: Array) -> Array:
         """Return the displacement C f [m], shape (n, 3), for forces on the points [N], shape (n, 3)."""
-        loaded = np.flatnonzero(force.any(axis=1))
+        loaded = carrying(force).nonzero()[0]
         if len(loaded) == 0:
             return np.zeros_like(force)
         if 2 * len(loaded) > len(force):

@@ -13,6 +13,7 @@ import numpy as np
 from ...arrays import Array, Floats32, Indices
 from ...skin.pad_chart import PadChart
 from ...skin.row_table import RowTable
+from .cone import carrying
 from .point_set import PointSet
 
 
@@ -46,7 +47,7 @@ class PointReach:
             force: forces on the points [N], shape (n, 3).
             image: displacement of the points [m], shape (n, 3).
         """
-        roots, loaded = self._chart.tiles.root[self._points.cells], np.flatnonzero(force.any(axis=1))
+        roots, loaded = self._chart.tiles.root[self._points.cells], carrying(force).nonzero()[0]
         under, which = np.unique(self._blocks[roots[loaded]], return_inverse=True)
         on: Array = np.stack([np.bincount(which, force[loaded, k], len(under)) for k in range(3)], axis=1)
         far = self._points.pad.displaced(self._rows[under], on)

@@ -114,7 +114,7 @@ class PointSolver(PathSolver):
         closest = float((gap + sizes).min())
         if not np.isfinite(closest):
             return np.inf
-        near = np.flatnonzero(gap - sizes <= closest)
+        near = (gap - sizes <= closest).nonzero()[0]
         return float(node_gaps(self._pad.reshape(-1, 4, 3)[near].reshape(-1, 3), bodies, reach, self.bone).gap.min())
 
     @property

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...arrays import Array, Indices
 from .bodies import ContactBody, NodeGaps, moved, paired
+from .cone import carrying
 from .path_step import PathStep
 
 # Loss of force that is tolerated while all bodies press deeper: as a share of the largest force, and as a force over
@@ -75,7 +76,7 @@ class PressWatch:
             step: result of the frame.
             points: points of the undeformed skin [m], shape (m, 3).
         """
-        pushed, loaded, before = float(step.solution.force[:, 2].sum()), step.solution.force.any(axis=1), self._held
+        pushed, loaded, before = float(step.solution.force[:, 2].sum()), carrying(step.solution.force), self._held
         if loaded.any():
             assert step.gaps is not None
             push = (step.solution.normal_force[:, None] * step.solution.normals)[loaded]
@@ -94,7 +95,7 @@ class PressWatch:
         Arguments are those of `lost`.
         """
         solution, gaps = step.solution, step.gaps
-        loaded = solution.force.any(axis=1)
+        loaded = carrying(solution.force)
         if gaps is None or not solution.converged or not (solution.normals[loaded, 2] < 0.0).any():
             return ()
         push, which = (solution.normal_force * solution.normals[:, 2])[loaded], gaps.body[loaded]

@@ -199,7 +199,7 @@ class SubStepper:
         if last is None:
             far = max(self._far(a, b) for a, b in zip(start, bodies, strict=True))
             return max(int(np.ceil(far / PRESSING)), 1)
-        pressed = np.flatnonzero((gaps.body >= 0) & ((gaps.clearance < 0.0) | self.solver.loaded))
+        pressed = ((gaps.body >= 0) & ((gaps.clearance < 0.0) | self.solver.loaded)).nonzero()[0]
         if pressed.size == 0:
             return 1
         same = pressed[(last.body == gaps.body).take(pressed)]

@@ -17,6 +17,7 @@ from ...errors import DermisError
 from ...kernels import records
 from ...kernels.library import kernels
 from ...kernels.records import address
+from .cone import carrying
 
 
 class Swept(NamedTuple):
@@ -86,7 +87,7 @@ def sweep(
         address(force),
         address(image),
     )
-    swept = np.ones(n, dtype=np.bool_) if likely is None else likely | force.any(axis=1)
+    swept = np.ones(n, dtype=np.bool_) if likely is None else likely | carrying(force)
     sweeps = 0
     while True:
         nodes = swept.nonzero()[0]

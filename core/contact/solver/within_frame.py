@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from .bodies import NodeGaps
-from .cone import STICK, TINY, along
+from .cone import STICK, TINY, along, carrying
 from .history import ContactHistory
 from .solve import Solution
 
@@ -139,7 +139,7 @@ class WithinFrame:
 
 def entered(solution: Solution, gaps: NodeGaps, history: ContactHistory, loaded: NDArray[np.bool_]) -> Indices:
     """Return the nodes that came into contact with the body below them in this frame."""
-    new = np.flatnonzero(solution.status.astype(bool) & ~loaded)
+    new = (solution.status.astype(bool) & ~loaded).nonzero()[0]
     return new[(history.body[new] == gaps.body[new]) & (solution.friction[new] > 0.0)]
 
 
@@ -183,7 +183,7 @@ class Drift:
             moved: movement of the nodes [m], shape (m, 3).
             passed: see `WithinFrame.passed`.
         """
-        at = np.flatnonzero(force.any(axis=1))
+        at = carrying(force).nonzero()[0]
         load, normal = force.take(at, axis=0), gaps.normal.take(at, axis=0)
         size = np.sqrt(along(load, load))
         share = size / max(float(size.sum()), TINY)

@@ -109,7 +109,7 @@ def test_what_is_up_there_is_up_here(tmp_path) -> None:
         ("0,1,2,3\n1,1,2,3\n", "columns='time_s, x_m, y_m, z_m'"),
         ("time,x,y,z,rx,ry,rz\n0,1,2,3,0,0,90\n1,1,2,3,0,0,90\n", "columns='time, x, y, z, rx_deg, ry_deg, rz_deg'"),
         ("t,x,y,z\n0,1,2,3\n0,1,2,3\n", "times do not rise"),
-        ("t,x,y,z\n0,1,2,3\n", "single row"),
+        ("t,x,y,z\n0,1,2,3\n", "at least two rows"),
         ("t,x,y,z\n0,1,2,3\n1,a,2,3\n", "line 3, column 2"),
         ("x,y,z,qw,qx,qy,qz\n0,0,0,0,0,0,0\n0,0,0,0,0,0,0\n", "no rotation"),
         ("", "no rows"),

@@ -105,7 +105,7 @@ def test_mistakes_are_said_and_not_traced(reported, tmp_path):
         ((), "nothing to do"),
         (("flat", "flat", "--table", folder / "table.npz"), "two touches have one name"),
         ((tmp_path / "bad.csv", "--table", folder / "table.npz"), "channels are missing"),
-        ((tmp_path / "other.csv", "--table", folder / "table.npz"), "another number of channels"),
+        ((tmp_path / "other.csv", "--table", folder / "table.npz"), "different numbers of channels"),
         (("flat", "--device", "hexapod", "--table", folder / "table.npz"), "another device"),
         (("flat", "--device", "haptip", "--rows", 64), "haptip"),
         (("flat", "--rows", 5), "too few rows"),

@@ -211,7 +211,7 @@ def test_the_plot_of_a_sampled_scene(tmp_path, capsys, touching):
     assert main([*floor, "--device", "hexapod"]) == 0
     legs = json.loads((tmp_path / "floor.json").read_text())
     assert legs["with_lateral_axes"] is None and legs["method"] == "stress"
-    assert main([*floor, "--device", "haptip"]) == 2 and "searched for a pose" in capsys.readouterr().err
+    assert main([*floor, "--device", "haptip"]) == 2 and "whose pose is searched" in capsys.readouterr().err
     assert main([*floor, "--finger", "3"]) == 2
     assert main([*arguments, str(tmp_path / "p.png")]) == 0
     assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")

@@ -178,7 +178,7 @@ def test_the_touch_of_the_range_is_needed(skin):
     block, fingers = carried(np.zeros((COUNT, 3)))
     sampler = SkinSampler(make(0.03), {0: skin, 1: skin})
     sampler.add(Chunk(np.arange(COUNT) + 1.0, TIMES, fingers, block[None], np.zeros((0, COUNT, 4, 4))))
-    with pytest.raises(DermisError, match="touch of the whole range"):
+    with pytest.raises(DermisError, match="contact of the whole range"):
         sampler.finish()
 
 

@@ -65,7 +65,7 @@ def test_a_row_of_the_table_is_given_back(spec, files):
     follower = Follower(spec, table)
     for row in (0, 5, 99):
         np.testing.assert_array_equal(follower.command(table.exact_readings[row]), table.commands[row])
-    with pytest.raises(DermisError, match="another number of channels"):
+    with pytest.raises(DermisError, match="different numbers of channels"):
         follower.command(np.zeros(19))
     with pytest.raises(DermisError, match="not finite"):
         follower.command(np.full(20, np.nan))
@@ -201,7 +201,7 @@ def changed(text, kind):
         ("gap", "line 201, column 1 'time': samples are missing"),
         ("backwards", "line 151, column 1 'time': times do not rise"),
         ("unit", "line 151, all channels: the unit of the readings changes (found '0.000"),
-        ("sensor", "another number of channels"),
+        ("sensor", "different numbers of channels"),
         ("order", "channel 1: the channels stand in another order"),
     ],
 )
@@ -239,7 +239,7 @@ def test_other_devices_and_tables_are_refused_or_told(files, swept, tmp_path, ca
         assert main(words) == 2
         assert said in capsys.readouterr().err, said
     assert main([*felt, *out, "--table", str(tmp_path / "swept.npz")]) == 0
-    assert "swept with the virtual sensor" in capsys.readouterr().err
+    assert "simulated with the virtual sensor" in capsys.readouterr().err
     first, *rows = files[1].read_text().splitlines()
     kilo = [[t, *(f"{3.0 * float(v):g}" for v in values)] for t, *values in (row.split(",") for row in rows)]
     (tmp_path / "kilo.csv").write_text("\n".join([first, *map(",".join, kilo)]))

@@ -120,7 +120,7 @@ def test_what_cannot_be_compared_is_refused(played, tmp_path, capsys):
     words = ["--table", str(table)]
     track, read = str(folder / "track.csv"), str(folder / "read.csv")
     for arguments, said in (
-        ((track, read, *words), "another number of channels"),  # the pulse is no channel
+        ((track, read, *words), "different numbers of channels"),  # the pulse is no channel
         ((track, read, *words, "--sync", "nothing"), "no such column"),
         ((track, str(tmp_path / "other.csv"), *words, "--sync", "ttl"), "does not match this track"),
         ((str(tmp_path / "none.csv"), read, *words, "--sync", "ttl"), "cannot be read"),

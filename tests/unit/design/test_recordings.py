@@ -170,7 +170,7 @@ def test_any_number_of_channels_of_any_range_is_read_as_it_is(write, channels):
     kept = np.isin(values[:, 0], table.readings[:, 0])
     np.testing.assert_array_equal(np.sort(table.readings[:, 0]), np.sort(values[kept, 0]))
     assert kept.all() and table.readings.dtype == np.float64
-    with pytest.raises(DermisError, match="another number of channels.*found 20"):
+    with pytest.raises(DermisError, match="different numbers of channels.*found 20"):
         same_channels(read_recording(write(recording())), table)
 
 

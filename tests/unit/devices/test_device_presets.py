@@ -111,7 +111,11 @@ def test_a_malformed_parameter_is_listed_with_its_reason(
         ("shear_tactor", [{"name": "tactor_x", "unit": "N"}], r"'tactor_x': .*unit \(found 'N'; allowed: m\)"),
         ("friction_screen", [{"name": "amplitude", "unit": "V", "high": 300}], "no such channel"),
         ("friction_screen", [{"name": n, "unit": u} for n, u in (("amplitude", "V"), ("carrier", "Hz"))], "no voltage"),
-        ("pin_array", [{"name": "pin_{}", "unit": "N", "repeat": 127}], r"not as many .*found 127; allowed: 128"),
+        (
+            "pin_array",
+            [{"name": "pin_{}", "unit": "N", "repeat": 127}],
+            r"the number of channels differs .*found 127; allowed: 128",
+        ),
         ("cable_platform", [{"name": "m_{}", "unit": "rad", "low": 0, "high": 1, "repeat": 2}], "found 2; allowed: 3"),
         ("hexapod", [{"name": "leg_{}", "unit": "m", "low": 0, "repeat": 6}], "a motor needs a range"),
     ],

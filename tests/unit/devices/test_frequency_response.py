@@ -125,5 +125,5 @@ def test_it_is_typed_and_read_in_the_units_of_its_columns(tmp_path: Path) -> Non
         with pytest.raises(DermisError, match=what):
             read_csv(path)
     for bad in ("", "20 1", "20 1 x", "20 1 0 0"):
-        with pytest.raises(DermisError, match="not three numbers|too few"):
+        with pytest.raises(DermisError, match="needs three numbers|too few"):
             of_text(bad)

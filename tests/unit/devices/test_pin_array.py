@@ -62,7 +62,7 @@ def test_a_pin_presses_no_harder_than_its_channel_and_the_parameter_allow():
     with pytest.raises(DermisError, match="differ in number"):
         pin_array.layout(preset(channels, rows=3, columns=1))
     channels[1]["high"]["value"] = 0
-    with pytest.raises(DermisError, match="no force"):
+    with pytest.raises(DermisError, match="the force limit of a pin"):
         pin_array.layout(preset(channels, rows=4, columns=1))
 
 

@@ -119,7 +119,7 @@ def test_png_with_palette_and_transparent_colours(tmp_path):
 
 @pytest.mark.parametrize(("colour", "channels"), [(2, 3), (4, 2), (6, 4)])
 def test_png_whose_16_bit_would_become_8_is_refused(tmp_path, colour, channels):
-    with pytest.raises(DermisError, match=r"not read here \(found '16 bit.*grey 16-bit PNG"):
+    with pytest.raises(DermisError, match=r"not supported \(found '16 bit.*grey 16-bit PNG"):
         images.read(put(tmp_path, png(numbers(4, 4, channels, 16), 16, colour)))
 
 
@@ -197,8 +197,8 @@ def test_tiff_in_colour_or_with_white_at_zero(tmp_path):
     ("data", "words"),
     [
         (tiff(numbers(2, 2, 3, 16), 16, photometric=2), "16 bit, 3 samples a pixel.*16-bit PNG"),
-        (tiff(numbers(2, 2, 1, 8), 16, sample_format=6), "not read here .*16 bit, complex"),
-        (tiff(numbers(2, 2, 1, 8), 8, sample_format=3), "not read here .*8 bit, floating point"),
+        (tiff(numbers(2, 2, 1, 8), 16, sample_format=6), "not supported .*16 bit, complex"),
+        (tiff(numbers(2, 2, 1, 8), 8, sample_format=3), "not supported .*8 bit, floating point"),
         (
             tiff(numbers(2, 4, 1, 8), 8).replace(
                 struct.pack("<HHII", 256, 4, 1, 4), struct.pack("<HHII", 256, 4, 1, 2)
@@ -228,7 +228,7 @@ EMPTY = chunk(b"IDAT", b"") + chunk(b"IEND", b"")
     ("data", "message"),
     [
         (b"", "empty"),
-        (b"hello", "not read here"),
+        (b"hello", "not supported"),
         (b"\xff\xd8\xff\xe0" + bytes(20), "JPEG"),
         (b"\x76\x2f\x31\x01" + bytes(20), "OpenEXR"),
         (GOOD[:-20], "cut short"),

@@ -31,7 +31,7 @@ def test_every_public_name_has_its_place_and_its_link() -> None:
     assert re.findall(r"\]\(#([\w-]+)\)", text) == anchors
     assert text.count("```") % 2 == 0
     for said in (
-        "DermisError: a depth out of range",
+        "DermisError: a number is out of range",
         "`.von_mises`: Von Mises stress of each element [Pa]",
         "`.resultant`: Sum of the forces on the skin [N]",  # of a base class
         "Surface.sphere(radius: float",

@@ -106,7 +106,7 @@ def test_too_few_rows_are_refused():
 
 
 def test_queries_that_do_not_fit_are_refused():
-    with pytest.raises(DermisError, match="another number of channels"):
+    with pytest.raises(DermisError, match="different numbers of channels"):
         commands_of(line(), np.zeros((1, 3)))
     with pytest.raises(DermisError, match="not finite"):
         commands_of(line(), np.array([[np.nan, 0.0]]))

@@ -91,17 +91,17 @@ def nowhere(values):
 @pytest.mark.parametrize(
     ("name", "change", "words"),
     [
-        ("friction_basis", lambda a: a[:, :-3], "'friction_basis' has another shape"),
-        ("friction_basis", lambda a: a[:-1], "has another shape"),
-        ("trial_basis", lambda a: a[:, :-3], "'trial_basis' has another shape"),
-        ("friction_mean", lambda a: a[:-3], "'friction_mean' has another shape"),
-        ("ridge_constant", lambda a: a[:-1], "'ridge_constant' has another shape"),
+        ("friction_basis", lambda a: a[:, :-3], "'friction_basis' has the wrong shape"),
+        ("friction_basis", lambda a: a[:-1], "has the wrong shape"),
+        ("trial_basis", lambda a: a[:, :-3], "'trial_basis' has the wrong shape"),
+        ("friction_mean", lambda a: a[:-3], "'friction_mean' has the wrong shape"),
+        ("ridge_constant", lambda a: a[:-1], "'ridge_constant' has the wrong shape"),
         ("ridge_linear", nowhere, "'ridge_linear' is not finite"),
         ("ridge_scale", lambda a: 0.0 * a, "'ridge_scale' has zeros"),
-        ("readout", lambda a: a[:, :-3], "'readout' has another shape"),
+        ("readout", lambda a: a[:, :-3], "'readout' has the wrong shape"),
         ("readout", nowhere, "'readout' is not finite"),
         ("stress_basis", lambda a: a.astype("U8"), "not finite"),
-        ("stress_basis", lambda a: a[0], "has another shape"),
+        ("stress_basis", lambda a: a[0], "has the wrong shape"),
         (
             "meta",
             lambda a: np.frombuffer(a.tobytes().replace(b'"modulus"', b'"modulos"'), np.uint8),
@@ -188,7 +188,7 @@ def test_a_touch_too_steep_for_the_mechanism_ends_before_it_gives_way(skin, spec
     steepest = np.degrees(np.hypot(told[:, 0], told[:, 1])).max()
     assert 20.0 < steepest < 41.0 and all(device.constraints(x, *device.servo_limits)[0].min() >= -1e-9 for x in told)
     (finding,) = [f for f in out.findings if f.code == "singular-pose"]
-    assert 2 <= finding.count <= int(out.signals["contact"].sum()) and "gives way" in finding.what
+    assert 2 <= finding.count <= int(out.signals["contact"].sum()) and "yields" in finding.what
     # where nothing is steep nothing is said
     level = render(None, scene, 0, DeviceUse("thimble_3rrs"), spec, felt_of(skin, np.array(forces[:8] * 4)[:31]))  # type: ignore[arg-type]
     assert not [f for f in level.findings if f.code == "singular-pose"]

@@ -169,7 +169,7 @@ REFUSED = {
     "no time": ("t,x,y,z\n0,1,2,3\n,1,2,3\n", "line 3, column 1 't': a time is missing"),
     "feet": ("t,x [ft],y [ft],z [ft]\n0,1,2,3\n1,1,2,3\n", "unit does not fit this column.*'ft'; allowed: m, cm"),
     "twice": ("t,x,y,z,pos_x\n0,1,2,3,4\n1,1,2,3,4\n", "two columns have the same meaning"),
-    "one row": ("t,x,y,z\n0,1,2,3\n", "a single row"),
+    "one row": ("t,x,y,z\n0,1,2,3\n", "at least two rows"),
 }
 
 
@@ -190,7 +190,7 @@ def test_what_nobody_says_can_be_said(write):
     np.testing.assert_allclose(made.turns, [TURN] * 2, atol=1e-9)
     np.testing.assert_allclose(made.times, [0.0, 0.01])
     assert recorded_poses.read(path, columns="-, x, y, z, -, -, -").turns is None
-    for wrong, words in (("x, y, z", "another number of columns"), ("t, x, y, z, a, b, c", "unknown name of a column")):
+    for wrong, words in (("x, y, z", "number of named columns"), ("t, x, y, z, a, b, c", "unknown name of a column")):
         with pytest.raises(DermisError, match=words):
             recorded_poses.read(path, columns=wrong)
 

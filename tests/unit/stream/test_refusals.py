@@ -187,7 +187,7 @@ def test_the_command_line_names_what_cannot_be(option: str, value: str, capsys: 
 
 def test_options_and_faults_are_finite_numbers() -> None:
     for value in ("nan", "inf", "x"):
-        with pytest.raises(DermisError, match="no whole number"):
+        with pytest.raises(DermisError, match="not a whole number"):
             adapters.make("native", Wire.of(HAPTIP), {"watchdog_ms": value})
         with pytest.raises(DermisError, match="no number"):
             options_of(Url(f"virtual:?stuck={value}"))

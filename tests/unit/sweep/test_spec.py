@@ -96,7 +96,7 @@ def test_dimensions_are_in_the_presets_own_unit(tmp_path: Path) -> None:
     preset = dimensions({"device": "cable_platform", "device.disc_radius": 10}, Library(), "here")
     assert preset is not None and preset["parameters"]["disc_radius"]["value"] == 10
     assert preset["parameters"]["disc_radius"]["unit"] == "mm"
-    with pytest.raises(DermisError, match="of a device that is named"):
+    with pytest.raises(DermisError, match="need a named device"):
         dimensions({"device.disc_radius": 10}, Library(), "here")
     assert dimensions({"device": "cable_platform"}, Library(), "here") is None
     assert Library().load("devices", "cable_platform")["parameters"]["disc_radius"]["value"] == 12

@@ -353,7 +353,7 @@ def test_a_baud_rate_is_named_only_where_there_is_one() -> None:
     for name in ("DERMIS_WIFI", "DERMIS_SERVO_ANIMATION", "DERMIS_BAUD", "?baud=115200"):
         assert name in on_a_line
     in_datagrams = nobody("native", None, datagrams=True)
-    assert "nobody answered" in in_datagrams and "baud" not in in_datagrams and "DERMIS" not in in_datagrams
+    assert "no answer came" in in_datagrams and "baud" not in in_datagrams and "DERMIS" not in in_datagrams
 
 
 def test_a_port_that_is_not_there_and_a_missing_pyserial_name_commands(monkeypatch: pytest.MonkeyPatch) -> None:

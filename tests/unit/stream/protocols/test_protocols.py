@@ -274,10 +274,10 @@ def test_osc_against_python_osc() -> None:
     [
         ("native", {"watchdog_ms": "500"}, "watchdog_ms: .* '500'; allowed: 20 to 80"),
         ("native", {"watchdog_ms": "10"}, "watchdog_ms: .* '10'; allowed: 20 to 80"),
-        ("native", {"watchdog_ms": "20.5"}, "no whole number within its limits"),
+        ("native", {"watchdog_ms": "20.5"}, "not a whole number within its limits"),
         ("native", {"reach": "at_once"}, "allowed: ramp, release"),
         ("maestro", {"first": "22"}, "'maestro', first: .* '22'; allowed: 0 to 20"),
-        ("maestro", {"first": "1.9"}, "no whole number"),
+        ("maestro", {"first": "1.9"}, "not a whole number"),
         ("maestro", {"first": "24"}, "'24'; allowed: 0 to 20"),
         ("maestro", {"first": "-1"}, "allowed: 0 to 20"),
         ("maestro", {"pulse_low_us": "2000"}, "pulse widths out of range"),
@@ -288,7 +288,7 @@ def test_osc_against_python_osc() -> None:
         ("maestro", {"speed": "1"}, "unknown option"),
         ("morse", {}, "no such protocol"),
         ("torque", {"torque": "0"}, "torque limit"),
-        ("maestro", {"first": "x"}, "no whole number"),
+        ("maestro", {"first": "x"}, "not a whole number"),
         ("osc", {"prefix": "x"}, "address"),
     ],
 )

@@ -72,7 +72,7 @@ def test_nobody_answers(boxes: Any) -> None:
     box = boxes("pty", "servo-animation")
     with SenderClient() as client:
         client.connect(box.url, "native", "haptip", HAPTIP)
-        assert "nobody answered" in client.wait("fault", 10)["message"]
+        assert "no answer came" in client.wait("fault", 10)["message"]
 
 
 def test_loop_and_spy(tmp_path: Path) -> None:

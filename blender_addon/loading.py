@@ -173,6 +173,11 @@ def addon(modules: Sequence[Any]) -> bool:
     return _read("add-on", (), modules, None)
 
 
+def addon_loaded() -> bool:
+    """Return whether the modules of `addon` are loaded. Without a window, nobody waits for them."""
+    return not redraw.watched() or "add-on" in _there
+
+
 def _read(
     key: Hashable, names: Sequence[str], modules: Sequence[Any], more: Callable[[], Callable[[], None]] | None
 ) -> bool:

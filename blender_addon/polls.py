@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import bpy
 
-from . import changes, views
+from . import changes, loading
 from ._core import core
 
 T = TypeVar("T", bound=type)
@@ -30,7 +30,7 @@ def needs(test: Callable[[bpy.types.Context], Any], message: str = "") -> Callab
         def poll(cls: Any, context: bpy.types.Context) -> bool:
             if message:
                 cls.poll_message_set(message)
-            return (not panel or views.there()) and bool(test(context))
+            return (not panel or loading.addon_loaded()) and bool(test(context))
 
         setattr(decorated, "poll", classmethod(poll))  # noqa: B010  # mypy knows no attribute of T
         return decorated

@@ -32,6 +32,16 @@ class DERMIS_OT_compare_devices(jobs.Job, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
 
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: Any) -> str:
+        """Return the tooltip: that of *With Floors* also says what it adds."""
+        if not properties.floors:
+            return ""
+        return (
+            "Compute the error of every suitable device, and the smallest error of any pose of thimbles and six-leg "
+            "platforms. Takes about a minute, and minutes for a long touch. Esc cancels"
+        )
+
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
         return compared.find(context.scene, context.object.name_full, floors=self.floors)

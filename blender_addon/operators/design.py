@@ -61,6 +61,15 @@ class DERMIS_OT_add_design_touch(File, bpy.types.Operator):
     )
     filter_glob: listed("*.csv")
 
+    @classmethod
+    def description(cls, _context: bpy.types.Context, properties: Any) -> str:
+        """Return the tooltip of the button's own kind."""
+        return {
+            "SCENE": "Add the touch of this scene's bake",
+            "BAKED": "Add the touches of every baked scene of this file",
+            "FILE": "Add a touch from a CSV that a tactile sensor recorded",
+        }[properties.kind]
+
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         """Ask for the file of a recording."""
         return super().invoke(context, event) if self.kind == "FILE" else self.execute(context)

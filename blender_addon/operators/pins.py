@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 from bpy.props import FloatProperty
 
-from .. import changes
+from .. import changes, jobs
 from .._core import core
 from ..devices import skin_models
 from ..polls import active_finger, needs
@@ -77,20 +77,27 @@ class DERMIS_OT_press_test(Work, bpy.types.Operator):
 
 
 @needs(lambda context: active_device(context, "pins"), "Select a finger with a pin array")
-class DERMIS_OT_compare_pins(Work, bpy.types.Operator):
-    """Compute the error of each matching method for this finger's touch in the last bake"""
+class DERMIS_OT_compare_pins(jobs.Job, bpy.types.Operator):
+    """Compute the error of each matching method for this finger's touch in the last bake. Esc cancels"""
 
     bl_idname = "dermis.compare_pins"
     bl_label = "Compare Methods"
+    bl_options = {"REGISTER"}
+    job_title = "Compare methods"
 
-    def work(self, context: bpy.types.Context) -> str | None:
-        """Compare."""
-        reports = pin_reports.compare(context.scene, context.object)
+    def steps(self, context: bpy.types.Context) -> Any:
+        """Return the work."""
+        return pin_reports.find(context.scene, context.object)
+
+    def finished(self, context: bpy.types.Context, reports: Any) -> set[str]:
+        """Name the best of the methods that keep the limits of the pins."""
         print(core.matching.pin_report.table(reports))
         for finding in pin_reports.doubts(context.scene, context.object):
             self.report({"WARNING"}, str(finding).removeprefix("warning: "))
         best = min((r for r in reports if not r.method.endswith("0")), key=lambda r: r.displacement_error)
-        return f"{best.method} has the smallest error: {1e3 * best.displacement_error:.2f} mm"
+        said = f"{best.method} has the smallest error, {1e3 * best.displacement_error:.2f} mm"
+        self.report({"INFO"}, f"Of the methods that keep the limits of the pins, {said}")
+        return {"FINISHED"}
 
 
 CLASSES: tuple[type, ...] = (DERMIS_OT_press_test, DERMIS_OT_compare_pins)

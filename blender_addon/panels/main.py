@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import jobs, views
+from .. import jobs, loading
 from ..hands import armatures
 from ..layouts import paragraph
 from ..polls import finger_at_hand
@@ -33,7 +33,7 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the next step with its button, and probable mistakes."""
         layout, scene = self.layout, context.scene
-        if not views.there():
+        if not loading.addon_loaded():
             layout.label(text="Loading...", icon="SORTTIME")
             return
         there = summary.of(scene)

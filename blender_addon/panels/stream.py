@@ -69,19 +69,12 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             layout.menu("DERMIS_MT_stream_devices", text=text, icon="ANIM")
         if settings.mode == "play" and (doubts := shown.doubts(context.scene)):
             paragraph(layout, context, doubts, "ERROR")
+        ours = calibration_offers.is_ours(settings) and len(settings.channels) > 0
         if settings.mode == "jog":
-            ours = calibration_offers.is_ours(settings) and len(settings.channels) > 0
             if ours:
                 layout.operator("dermis.stream_calibrate", text="All to the Safe Pose", icon="HOME").action = "SAFE"
             else:
                 paragraph(layout, context, "Connect once: the actuators are then listed here.")
-            for channel in settings.channels if ours else ():
-                layout.prop(channel, "jog", text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")
-        row = layout.row(align=True)
-        row.prop(settings, "use_log", icon="TEXT")
-        if settings.use_log:
-            row.operator("dermis.stream_logs", text="", icon="FILE_FOLDER")
-            paragraph(layout, context, str(stream_log.folder(settings)), "BLANK1")
         row = layout.row(align=True)
         row.scale_y = 1.3
         if connected:
@@ -99,6 +92,14 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         stop.alert = bool(now.get("armed"))
         stop.enabled = connected
         stop.operator("dermis.stream_stop", text="Stop  (Shift Esc)", icon="CANCEL")
+        # Above the sliders, of which a device may have a hundred, Stop is always in sight.
+        for channel in settings.channels if settings.mode == "jog" and ours else ():
+            layout.prop(channel, "jog", text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")
+        row = layout.row(align=True)
+        row.prop(settings, "use_log", icon="TEXT")
+        if settings.use_log:
+            row.operator("dermis.stream_logs", text="", icon="FILE_FOLDER")
+            paragraph(layout, context, str(stream_log.folder(settings)), "BLANK1")
         self._state(context, now, built.wrong)
 
     def _state(self, context: bpy.types.Context, now: dict[str, Any], another: bool) -> None:

@@ -5,12 +5,15 @@ They are press tests and comparisons of methods.
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from functools import partial
 from typing import Any
 
 import bpy
 
+from .. import loading
 from .._core import DermisError, core
-from ..devices import active_presets, skin_models
+from ..devices import active_presets
 from ..preferences import library
 from . import store
 
@@ -20,10 +23,10 @@ calibrated: dict[int, Any] = {}
 _reports: dict[int, tuple[str, tuple[Any, ...], tuple[Any, ...]]] = {}
 
 
-def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
-    """Compare all methods for a finger's touch in the last bake.
+def find(scene: bpy.types.Scene, obj: bpy.types.Object) -> Generator[Any, None, tuple[Any, ...]]:
+    """Compare all methods for a finger's touch in the last bake; yields progress.
 
-    The result is kept for the session.
+    A thread computes, method by method. The result is kept for the session.
 
     Raises:
         DermisError: no bake, none with this finger's skin, or nothing touched.
@@ -35,12 +38,19 @@ def compare(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:
             "this finger's skin is not baked", where=f"finger '{obj.name}'", remedy="Press Bake, then compare"
         )
     engine, spec, where = core.matching.pin_report, library().device(device.preset), f"finger '{obj.name}'"
-    with skin_models.one_thread():
-        weighting = device.pin_nodes
-        reports = engine.compare(felt, spec, weighting=weighting, bounded=device.pin_bounded, where=where)
-        findings = engine.doubts(felt, spec, weighting=weighting, where=where)
-    _reports[obj.session_uid] = (result.bake.content_hash, reports, findings)
-    return reports
+    weighting, bounded = device.pin_nodes, bool(device.pin_bounded)
+    uid, made_from, methods = obj.session_uid, result.bake.content_hash, engine.METHODS
+
+    def compared(method: Any) -> tuple[Any, ...]:
+        return tuple(engine.compare(felt, spec, methods=(method,), weighting=weighting, bounded=bounded, where=where))
+
+    reports: list[Any] = []
+    for k, method in enumerate(methods):
+        yield core.pipeline.bake.Progress(f"method {method}", k, len(methods))
+        reports += yield from loading.aside(partial(compared, method))
+    findings = yield from loading.aside(lambda: engine.doubts(felt, spec, weighting=weighting, where=where))
+    _reports[uid] = (made_from, tuple(reports), findings)
+    return tuple(reports)
 
 
 def shown(scene: bpy.types.Scene, obj: bpy.types.Object) -> tuple[Any, ...]:

@@ -216,7 +216,7 @@ def draws() -> int:
 
 def _late(kept: Frame, scene: bpy.types.Scene) -> Frame:
     """Return the kept frame with a note that the current one is being computed."""
-    note = f"of frame {kept.frame:g}; computing {moment.frame_of(scene):g}"
+    note = f"shows frame {kept.frame:g}; computing frame {moment.frame_of(scene):g}"
     states = tuple(replace(state, note=note) for state in kept.skins.states)
     shown = None if kept.devices is None else replace(kept.devices, note=note)
     return kept._replace(devices=shown, skins=kept.skins._replace(states=states))

@@ -141,7 +141,7 @@ def trust_bands(
     Raises:
         DermisError: the scene cannot be rendered.
     """
-    own = yield from _rendered(scene, library, cache, "as it is")
+    own = yield from _rendered(scene, library, cache, "unchanged")
     found = {}
     for name, (make, words, _) in VARIANTS.items():
         if name != "mirrored" or own.skins:

@@ -85,7 +85,7 @@ def stiffness_factor(depths: ArrayLike, measured: ArrayLike, modelled: ArrayLike
         raise DermisError("depths and loads differ in number", where=where, value=f"{d.shape}, {f.shape}, {g.shape}")
     if len(d) < 2:
         raise DermisError(
-            "one reading is not enough",
+            "two readings or more are needed",
             where=where,
             value=len(d),
             limit="2 or more",

@@ -72,8 +72,8 @@ def test_a_press_test_gives_alpha_and_can_be_undone(demo) -> None:
 @pytest.mark.parametrize(
     ("loads", "words"),
     [
-        ({}, "number|one reading"),
-        ({"load_2": 1.0}, "one reading"),
+        ({}, "number|two readings"),
+        ({"load_2": 1.0}, "two readings"),
         ({"load_1": 1.0, "load_2": 0.9}, "does not rise"),
         ({"load_1": -0.2, "load_2": 0.9}, "negative"),
     ],
@@ -88,7 +88,7 @@ def test_nonsense_is_refused_and_changes_nothing(demo, loads, words) -> None:
 
 def test_methods_are_compared_for_the_bake_at_hand(demo) -> None:
     finger = demo.objects["Index"]
-    with pytest.raises(RuntimeError, match="no bake"):
+    with pytest.raises(RuntimeError, match="not baked"):
         bpy.ops.dermis.compare_pins()
     result = bake(demo)
     assert bpy.ops.dermis.compare_pins() == {"FINISHED"}

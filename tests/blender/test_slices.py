@@ -52,7 +52,7 @@ def test_over_budget_the_last_card_stays_says_so_and_the_timer_ends_the_work(han
     monkeypatch.setattr(slices, "budget", lambda: 0.0)
     step(hands, 30)
     late = shown.now(hands)
-    assert late.frame == 29.0 and late.devices.note == "of frame 29; computing 30"
+    assert late.frame == 29.0 and late.devices.note == "shows frame 29; computing frame 30"
     assert all(np.array_equal(a, b) for a, b in zip(forces(), before, strict=True))
     assert {state.note for state in late.skins.states} == {late.devices.note}
     assert bpy.app.timers.is_registered(shown._slices._timer)

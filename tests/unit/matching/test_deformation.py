@@ -166,7 +166,7 @@ def test_alphas_uncertainty_covers_the_truth():
 @pytest.mark.parametrize(
     ("depths", "loads", "words"),
     [
-        ([1e-3], [0.5], "one reading"),
+        ([1e-3], [0.5], "two readings"),
         ([1e-3, 2e-3], [0.5], "number"),
         ([1e-3, 2e-3], [0.5, 0.4], "does not rise"),
         ([1e-3, 2e-3], [-0.1, 0.4], "negative"),

@@ -16,7 +16,8 @@ from ..polls import finger_at_hand, needs, own_finger
 from ..quantities import metres_per_unit
 from .work import Work, follow
 
-FORCE_DEPTH = 3e-3  # [m] depth of the keys of a press by force: enough for any force, because the bone gives way
+# [m] Keyed depth of a press by force. The compliant bone stays behind its keys where the force would exceed the limit.
+FORCE_DEPTH = 3e-3
 
 
 class DERMIS_OT_mend(Work, bpy.types.Operator):
@@ -37,7 +38,7 @@ class DERMIS_OT_mend(Work, bpy.types.Operator):
         return None
 
 
-@needs(own_finger, "Select a finger of this file last, and before it the object that it shall lie on")
+@needs(own_finger, "Select the object that the finger shall lie on, then a finger of this file")
 class DERMIS_OT_place_on_surface(Work, bpy.types.Operator):
     """Move the active finger's pad to the nearest point of the other selected object. Without one, the nearest
     touchable object is used"""
@@ -48,7 +49,7 @@ class DERMIS_OT_place_on_surface(Work, bpy.types.Operator):
 
     gap: FloatProperty(
         name="Gap",
-        description="Distance between pad and surface. A negative value presses the pad into it",
+        description="Distance between pad and surface. A negative value presses the pad into the surface",
         default=0.0,
         soft_min=-3.0,
         soft_max=20.0,
@@ -79,7 +80,7 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
         description="Control of the press",
         items=(
             ("DEPTH", "By Depth", "The bone moves to this depth below first contact"),
-            ("FORCE", "By Force", "The bone becomes compliant, and yields to larger forces"),
+            ("FORCE", "By Force", "The bone becomes compliant, and yields where the force would be larger than this"),
         ),
     )
     depth: FloatProperty(
@@ -93,7 +94,7 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
     force: FloatProperty(name="Force [N]", description="Force of the press", default=1.0, min=0.01, soft_max=10.0)
     hold: FloatProperty(
         name="Hold",
-        description="Time before the slide, in which the finger rests",
+        description="Time for which the finger presses without moving, before the slide",
         default=2.0,
         min=0.0,
         soft_max=10.0,
@@ -103,7 +104,7 @@ class DERMIS_OT_add_gesture(Work, bpy.types.Operator):
     speed: FloatProperty(name="Speed [mm/s]", description="Speed of the slide", default=10.0, min=0.1, soft_max=200.0)
     direction: FloatProperty(
         name="Direction",
-        description="Direction of the slide, about the nail. 0 is to the tip",
+        description="Direction of the slide, as an angle in the surface. 0 is towards the fingertip",
         default=radians(90.0),
         unit="ROTATION",
     )

@@ -34,14 +34,20 @@ def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
 
 @needs(lambda context: shown.active_device(context.scene, context.object, "platform") is not None)
 class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
-    """A finger's platform: whether its table is at hand, or how far six legs that are searched for a pose are off."""
+    """A finger's platform: the state of its table, or of the search.
+
+    For six legs whose pose is searched for, it tells how far the rendered skin is off the target.
+    """
 
     bl_idname = "DERMIS_PT_platform"
     bl_label = "Platform"
     bl_parent_id = "DERMIS_PT_devices"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the state of the table, and the button that makes it."""
+        """Draw the state of the table and, without one, the button that makes it.
+
+        For a pose that is searched for, draw its adaptation and its errors instead.
+        """
         layout, obj = self.layout, context.object
         device = shown.active_device(context.scene, obj, "platform")
         if device is not None and choices.kind_of(device.preset) == "hexapod":
@@ -67,10 +73,6 @@ class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
             text = f"Scrubbing needs a table of what this platform does to this finger's skin: {rows:,} configurations"
             paragraph(layout, context, f"{text}, swept in simulation. A bake makes it by itself.", "INFO")
             layout.operator("dermis.make_table", icon="FILE_CACHE")
-        if not obj.dermis.finger.skin.shown:
-            row = layout.row()
-            row.active = False
-            row.label(text="Faster to scrub with the skin shown", icon="BLANK1")
 
 
 class DERMIS_UL_design_touches(bpy.types.UIList):
@@ -89,7 +91,9 @@ class DERMIS_UL_design_touches(bpy.types.UIList):
         row.label(text=item.scene.name, icon="SCENE_DATA")
         state = store.state(item.scene)
         if state != "fresh":
-            row.label(text={"none": "not baked", "stale": "out of date", "earlier": "earlier"}[state], icon="ERROR")
+            row.label(
+                text={"none": "not baked", "stale": "out of date", "earlier": "earlier session"}[state], icon="ERROR"
+            )
 
 
 @needs(lambda _context: True)
@@ -152,20 +156,23 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         for text in ("part %", *(f"{100 * p:.1f}" for p in reduction.components.explained)):
             grid.label(text=text)
         above, below = (100.0 * limit for limit in reduction.limits(own.rule))
-        share = "percent of the touch" if own.rule == "touch" else "percent of the error with all motors"
+        share = "percent of the touch's size" if own.rule == "touch" else "percent of the error with all motors"
         upto = f"from {above:.1f} to {below:.0f} %" if below < float("inf") else f"from {above:.1f} % up"
-        paragraph(box, context, f"Error: added to the error with all motors, in {share}.")
-        paragraph(box, context, "Part: share of the movement by each motor.")
-        paragraph(box, context, f"Any limit of the error {upto} gives the same number.")
+        paragraph(
+            box, context, f"Error: excess over the error with all motors, in {share}, as a mean over the touches."
+        )
+        paragraph(box, context, "Part: share of the movement that the motor of this column alone explains.")
+        if motors is not None:
+            paragraph(box, context, f"The number of motors would be the same for any limit of this error {upto}.")
         for name, (count, apart), touch in zip(design.names, design.repetitions, reduction.touch.tolist(), strict=True):
             if count > 1:
-                again = f"its {count} repetitions differ by {100.0 * apart / touch:.0f} % of it"
+                again = f"its {count} repetitions differ by {100.0 * apart / touch:.0f} % of its size"
                 paragraph(box, context, f"{name}: {again}")
         if not design.low_rank(own.rule):
             paragraph(
                 box,
                 context,
-                "Not of low rank: fewer motors either exceed the limit of the rule or do not explain the movement.",
+                "Not of low rank: with fewer motors, the error exceeds the limit, or the movement is not explained.",
                 "INFO",
             )
         count = min(own.motors or motors or n, n)
@@ -191,7 +198,11 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         if count == reduction.motors():
             for words in design.shared.words():
                 what = f"Cables {words} may share a pulley" if pulleys else f"Legs {words} may share a lever"
-                paragraph(box, context, f"{what}: adds {design.shared.percent:.1f} % of error", "LINKED")
+                box.label(text=what, icon="LINKED")
+            if design.shared.groups:
+                parts, percent = "pulleys" if pulleys else "levers", design.shared.percent
+                more = f"the error exceeds that with all motors by {percent:.1f} % of the touch's size"
+                paragraph(box, context, f"With shared {parts}, {more}.")
 
 
 class DERMIS_MT_motors_demos(bpy.types.Menu):
@@ -201,7 +212,7 @@ class DERMIS_MT_motors_demos(bpy.types.Menu):
     bl_label = "Six Interactions"
 
     def draw(self, _context: bpy.types.Context) -> None:
-        """Draw one entry an interaction."""
+        """Draw an entry for each interaction."""
         for key, (title, _) in touches.MOTORS.items():
             self.layout.operator("dermis.demo_motors_scene", text=title, icon="SCENE_DATA").touch = key
 

@@ -1,8 +1,8 @@
 """Write baked commands as F-curves, to be viewed beside the animation.
 
-The curves are keys of custom properties that nothing reads. They are on the finger's mesh. If that is shared or has an
-action, they are on the finger itself, if it has no action. There they have an action of their own, the Graph Editor
-shows them with the finger, and no existing animation is changed.
+The curves are keys of custom properties that nothing reads. They are on the finger's mesh; if that is linked, shared or
+has an action, they are on the finger itself, provided that it is not linked and has no action. In both places they have
+an action of their own, so that no existing animation is changed, and the Graph Editor shows them with the finger.
 """
 
 from __future__ import annotations
@@ -16,14 +16,20 @@ import numpy as np
 from .. import changes, compat, identity, scene_time
 from .._core import DermisError, core
 
-MARK = "dermis_commands"  # property with the names of a holder's properties; on an action, the mark of the add-on
+MARK = "dermis_commands"  # property of a holder that lists its curves' properties; an action with it is the add-on's
 DISPLAYED = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / math.pi)}  # shown unit and factor; other units are not converted
 LIMIT_COLOUR = (0.85, 0.33, 0.27)
 LONGEST = 60  # [letters] longest name of a property; Blender allows 63
 
 
 class Written(NamedTuple):
-    """Numbers of written curves and keys, and findings on fingers without."""
+    """Numbers of written curves and values, and findings.
+
+    Attributes:
+        curves: number of curves, those of limits among them.
+        keys: number of values of commands, as keys or samples.
+        findings: the reasons why fingers have no curves.
+    """
 
     curves: int
     keys: int
@@ -36,7 +42,8 @@ def write(scene: bpy.types.Scene, result: Any, *, rate: float = 0.0) -> Written:
     They replace existing ones. Values between the bake's samples are interpolated.
 
     Args:
-        rate: [Hz] rate of the keys, which lie between frames too. 0 gives a value at each whole frame; these are
+        result: the stored result of the scene's last bake.
+        rate: rate of the keys, which may lie between frames [Hz]. 0 gives a value at each whole frame; these are
             samples, not keys, if Blender evaluates whole frames there.
 
     Raises:

@@ -14,6 +14,7 @@ from .paint import INK, ORANGE, PANEL
 from .parts import heat
 from .twin import Twin
 
+# [px at scale 1] Width of a card, size of a dial, height of a line of text, margin.
 WIDTH, DIAL, LINE, MARGIN = 260, 92, 17, 12
 FOLDED = 22  # [px at scale 1] height of a card of one line
 FAINT = (*INK[:3], 0.35)
@@ -88,7 +89,7 @@ def in_words(row: Row) -> str:
 
 
 def _dial(row: Row, left: float, bottom: float, scale: float) -> None:
-    """Draw the tactor's plane as the finger's owner would see it through the nail: tip up."""
+    """Draw the tactor's plane as the finger's owner would see it through the nail, fingertip up."""
     radius = 0.5 * DIAL * scale
     centre = np.array([left + radius, bottom + radius])
     reach = row.full_scale("tactor_x")
@@ -120,7 +121,7 @@ def _dial(row: Row, left: float, bottom: float, scale: float) -> None:
 def _wave(row: Row, left: float, bottom: float, width: float, scale: float) -> None:
     """Draw the last moments of a voltage, with the present at the right end.
 
-    A single value of a vibration would say nothing.
+    A single value would say nothing about a vibration.
     """
     reach, half = row.full_scale("voltage"), 0.5 * (DIAL - LINE) * scale
     middle = bottom + half + 1.25 * LINE * scale

@@ -28,8 +28,8 @@ class SharedPulleys:
 
     Attributes:
         groups: indices of two or more motors that may share a pulley, rising; empty if none may.
-        percent: additional error if the motors of each group share a pulley, relative to the touch; mean over the
-            interactions [%].
+        percent: excess over the error with all original motors if there are only the new motors and each group shares a
+            pulley, relative to the size of the touch; mean over the interactions [%].
     """
 
     groups: tuple[tuple[int, ...], ...] = ()
@@ -78,7 +78,7 @@ def with_shared(parts: Components, commands: Array, k: int, groups: Sequence[Seq
 def shared_pulleys(
     table: SkinTable, sensed: Sequence[Array], commands: Sequence[Array], found: Reduction, motors: int
 ) -> SharedPulleys:
-    """Find original motors that may share a pulley, and the added error.
+    """Find original motors that may share a pulley, and the error then.
 
     Args:
         table: effect of the device on the skin.

@@ -25,11 +25,10 @@ from .readings import FULL_SCALE, Readings, quantised
 from .sweep import commands_at, freedoms, halton, reached, refuse_many
 from .table import SkinTable, assemble, noise_floor, press_of, sound
 
-EVEN = 0.25  # share of the rows that is spread evenly; they must find every region where the readings are curved
+EVEN = 0.25  # share of the rows that is spread evenly; they must reveal every region where the readings are curved
 ROUNDS = 6  # rounds in which the other rows are chosen
-LEAST = int(
-    4 * NEIGHBOURS / EVEN
-)  # smallest number of rows; with fewer, the first rows are too far apart to estimate each other
+# Smallest number of rows; with fewer, the first rows are too far apart to estimate each other.
+LEAST = int(4 * NEIGHBOURS / EVEN)
 POOL = 6  # candidates for each further row
 APART = 0.7  # distance that two poses of a round keep, as a share of the later one's distance from the nearest row
 
@@ -44,8 +43,8 @@ def build_adaptive(
         skin: model of the finger's skin.
         sensor: virtual sensor of this skin.
         rows: number of poses to choose. Those that the platform cannot reach are left out.
-        noise: standard deviation of one channel of the sensor [counts]. It bounds the strength of a touch from below,
-            so that errors of touches weaker than the noise do not count for more.
+        noise: standard deviation of one channel of the sensor [counts]. A floor that follows from it is added to the
+            strength of every touch, so that relative errors of touches weaker than the noise stay small.
 
     Yields:
         Number of finished rows and number of all rows.
@@ -54,7 +53,7 @@ def build_adaptive(
         The table.
 
     Raises:
-        DermisError: a table with too few rows or too many, or a preset without a sweep.
+        DermisError: there are too few rows or too many, or the preset has no sweep.
     """
     if rows < LEAST:
         raise DermisError("too few rows for an adaptive table", where="look-up table", value=rows, limit=f">= {LEAST}")

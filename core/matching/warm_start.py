@@ -16,9 +16,10 @@ from ..errors import DermisError
 from ..skin.store import kept
 from ..surrogate.forward import ForwardModel
 
+# [rad] Pitches and rolls of the configurations.
 TABLE_TILTS = np.radians([-24.0, -16.0, -8.0, 0.0, 8.0, 16.0, 24.0])
-TILTS_APART = np.radians(4.0)  # two starts differ by more than this in a tilt; half of the spacing of the grid
-# Depths beyond first contact [m].
+TILTS_APART = np.radians(4.0)  # [rad] two starts differ by more than this in pitch or roll; half the grid's spacing
+# [m] Depths beyond first contact.
 TABLE_DEPTHS = (0.05e-3, 0.15e-3, 0.35e-3, 0.7e-3, 1.1e-3, 1.5e-3)
 
 
@@ -57,9 +58,10 @@ class WarmStartTable:
         return cls(np.array(x), np.array(depth), np.array(stimuli) / strength[:, None], strength)
 
     def configuration(self, row: int, strength: float) -> Array:
-        """Return the configuration of an entry, with its depth changed to suit another strength.
+        """Return the configuration of an entry at another depth.
 
-        The strength of a stimulus is assumed to grow with depth^1.5, as for a ball by Hertz.
+        The depth is chosen for a given strength, but is at least a quarter of the least of `TABLE_DEPTHS` and at most
+        their largest. The strength of a stimulus is assumed to grow with depth^1.5, as for a ball by Hertz.
 
         Args:
             row: index of the entry.
@@ -71,9 +73,11 @@ class WarmStartTable:
         return x
 
     def promising(self, target: Array, count: int) -> list[Array]:
-        """Return up to `count` configurations whose stimuli are most similar in direction to a target.
+        """Return the configurations with the stimuli most like a target.
 
-        Their tilts differ by more than `TILTS_APART`. The most similar one is first.
+        Stimuli are compared by their direction alone. The depth of each configuration is then chosen for the strength
+        of the target, see `configuration`. Pitch or roll of any two differ by more than `TILTS_APART`. The most similar
+        one is first.
 
         Args:
             target: stimulus to approximate, shape (k,), not zero.
@@ -91,7 +95,7 @@ class WarmStartTable:
         return [self.configuration(row, size * float(alike[row])) for row in chosen]
 
 
-RECORDED_ROWS = 300  # rows of a recording that are used, evenly chosen; more would slow down every frame
+RECORDED_ROWS = 300  # largest number of rows of a recording that are used; more would slow down every frame
 
 
 def recorded_table(device: DiscDevice, contact: DiscContact, model: ForwardModel, x: Array) -> WarmStartTable:

@@ -43,14 +43,14 @@ PINS = table(
                 "Pin forces whose deformation of the skin is nearest to the target, within the pins' limits",
             ),
             ("DM1", "Deformation, Clamped (DM1)", "As DM0; then each force is clipped to its range. For comparison"),
-            ("DM0", "Deformation, Free (DM0)", "Pins that can also pull. For comparison"),
+            ("DM0", "Deformation, Free (DM0)", "As DM2, but pins can also pull. For comparison"),
             (
                 "FM2",
                 "Force, Optimal (FM2)",
                 "Pin forces nearest to the contact forces of the target, within the pins' limits",
             ),
             ("FM1", "Force, Clamped (FM1)", "As FM0; then each force is clipped to its range. The most common method"),
-            ("FM0", "Force, Free (FM0)", "Pins that can also pull. For comparison"),
+            ("FM0", "Force, Free (FM0)", "As FM2, but pins can also pull. For comparison"),
         ),
     ),
     Parameter(
@@ -131,8 +131,8 @@ PLATFORM = table(
         name="table_rows",
         unit="1",
         label="Configurations",
-        text="Number of simulated configurations in the look-up table. More are finer and take longer, at about "
-        "2000 per second",
+        text="Number of simulated configurations in the look-up table. More make it finer and take longer: "
+        "about 2000 are simulated in a second",
         default=3375,
         low=8,
         high=2_000_000,
@@ -177,7 +177,8 @@ THIMBLE = table(
         name="thimble_calibrated",
         unit=SWITCH,
         label="Calibrated",
-        text="Use the servo angles below, at which this person first feels the disc, as the mounting of the device",
+        text="Find how the device sits on this person from the servo angles below, at which the person first feels the "
+        "disc",
         default=False,
     ),
     _first_contact(1),

@@ -16,6 +16,7 @@ from blender_addon.preferences import library
 from blender_addon.results import store
 from core.steps import drain
 
+from .stand_in import Anything, Panel
 from .test_platforms import own_folders, shown  # noqa: F401  a fixture
 
 ROWS = 512
@@ -64,6 +65,18 @@ def test_the_answer_is_the_engines_for_the_same_bake_and_table(baked) -> None:
     assert found.names == ("Tip, Flat, Tip",)
     np.testing.assert_array_equal(found.joint.error, direct.joint.error)
     assert found.joint.motors() == direct.joint.motors()
+
+
+def test_the_panel_explains_error_part_and_shared_pulleys(baked) -> None:
+    scene, _, _ = baked
+    assert bpy.ops.dermis.design() == {"FINISHED"}
+    layout = Anything()
+    Panel(bpy.types.DERMIS_PT_design, layout).draw(bpy.context)
+    found, words = design_results.current(scene).design, " ".join(layout.words)
+    assert "Error: excess over the error with all motors" in words and "of this column alone explains" in words
+    assert ("would be the same for any limit" in words) == (found.motors("touch") is not None)
+    assert words.count("may share a") == len(found.shared.groups)
+    assert words.count("With shared") == bool(found.shared.groups)
 
 
 def test_the_picture_is_an_image_of_the_file_and_a_png(baked) -> None:

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 
+from blender_addon._core import DermisError
 from blender_addon.streaming import session, streamed_track
 
 from . import build
@@ -103,6 +104,16 @@ def test_no_other_finger_takes_its_place(scene: Any, said: str) -> None:
     bpy.context.view_layer.update()
     session.heartbeat()
     assert not session.connected()
+
+
+def test_a_device_that_no_finger_wears_is_told_with_a_remedy(scene: Any) -> None:
+    scene.dermis_stream.output = f"Finger: {HAPTIP}"
+    finger().dermis.finger.devices[0].preset = "thimble_3rrs"
+    scene.dermis_stream.output_of = ""
+    with pytest.raises(DermisError, match="give the finger this device"):
+        streamed_track.device(scene)
+    finger().dermis.finger.devices[0].preset = HAPTIP
+    assert streamed_track.device(scene).finger == "Finger", "the remedy works without a bake"
 
 
 def test_a_new_name_changes_nothing(scene: Any) -> None:

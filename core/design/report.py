@@ -101,7 +101,7 @@ def as_text(found: Design) -> str:
     ]
     if motors is not None and found.shared.groups:
         lines += [f"  original motors {w} move alike: one pulley or lever may drive them" for w in found.shared.words()]
-        lines.append(f"  so shared, {found.shared.percent:.1f} % of the touch is lost")
+        lines.append(f"  so shared, the error exceeds that of all motors by {found.shared.percent:.1f} % of the touch")
     lines.append("")
     if len(found.names) > 1:
         lines.append("Each by itself (the paper's rule in brackets):")

@@ -112,13 +112,28 @@ def time_column(columns: Sequence[Column], where: str) -> int:
     )
 
 
-def length_or_angle(name: str) -> float:
+def length_or_angle(name: str, where: str) -> float:
     """Return the size in SI of the unit of length or angle in a name.
 
-    The size is 1 if the name has no such unit.
+    The size is 1 if the name has no unit.
+
+    Args:
+        name: name of the column.
+        where: name of the file, for the message.
+
+    Raises:
+        DermisError: the name has a unit of another quantity, or text in brackets that is no unit.
     """
-    unit = _unit(name)[1]
-    return {**LENGTHS, **ANGLES}.get(unit, 1.0)
+    unit, allowed = unit_of(name), {**LENGTHS, **ANGLES}
+    if unit and unit not in allowed:
+        raise DermisError(
+            "the unit does not fit this column",
+            where=f"{where}, column '{name}'",
+            value=unit,
+            limit=", ".join(allowed),
+            remedy="Convert the column to one of these, or remove the brackets if they hold no unit",
+        )
+    return allowed.get(unit, 1.0)
 
 
 def unit_of(name: str) -> str:

@@ -45,14 +45,15 @@ def read_table(
         rest_rows: rows in which nothing is touched, counted from 1 below the line of names.
 
     Raises:
-        DermisError: see `sensor_columns` and `check_channels`; also if there are too few rows, a command is out of
-            range, a motor never moves, the unit of the readings changes, or a row of rest does not exist.
+        DermisError: see `sensor_columns` and `check_channels`; also if the unit of a motor is neither a length nor an
+            angle, there are too few rows, a command is out of range, a motor never moves, the unit of the readings
+            changes, or a row of rest does not exist.
     """
     path = Path(path)
     motors = len(scale)
     rows = sensor_columns(path, motors, f"{motors} motors and one a channel")
     names, where = rows.names, rows.where
-    units = [length_or_angle(name) for name in names[:motors]]
+    units = [length_or_angle(name, where) for name in names[:motors]]
     commands, readings = rows.values[:, :motors] * units, rows.values[:, motors:]
     if len(commands) < NEIGHBOURS:
         raise DermisError(

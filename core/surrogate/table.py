@@ -152,7 +152,7 @@ def read_table(path: Path) -> SampleTable:
     path, where = Path(path), str(path)
     if path.suffix.lower() == ".csv":
         rows = read_rows(path)
-        units = [length_or_angle(name) for name in rows.names[:3]] or [1.0] * 3
+        units = [length_or_angle(name, where) for name in rows.names[:3]] or [1.0] * 3
         found = {"x": rows.values[:, :3] * units[: rows.values.shape[1]], "channels": rows.values[:, 3:]}
     else:
         with opened_npz(path, kind="a table") as archive:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -101,6 +103,14 @@ def test_units_of_motors_are_read(write):
     given = np.column_stack([np.degrees(moved[:, :2]), moved[:, 2] * 1e3, values])
     table = read_table(write(exact(given, "m1 [deg]", "m2_deg", "m3_mm", *NAMES)), np.full(3, 2.0))
     np.testing.assert_allclose(table.commands, moved, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("m1 [ms]", "ms"), ("m1 [counts]", "counts"), ("m1_us", "us")])
+def test_a_motors_unit_that_is_no_length_and_no_angle_is_refused(write, name, unit):
+    """It was taken as SI without a word."""
+    path = write(text(np.column_stack([*rows()]), (name, "m2", "m3", *NAMES)))
+    with pytest.raises(DermisError, match=rf"column '{re.escape(name)}': the unit does not fit .*'{unit}'; .*deg"):
+        read_table(path, np.full(3, 2.0))
 
 
 def changed(row, column, value):

@@ -154,8 +154,8 @@ def rewritten(data, **changes):
     [
         (lambda d: b"MZ not a model at all", "the ONNX file is incomplete or damaged|did not make"),
         (lambda d: d.replace(b"dermis-surrogate 2", b"someone-elses-one2"), "did not make"),
-        (lambda d: d.replace(b"jacobian", b"gradient"), "'jacobian' is not"),
-        (lambda d: d.replace(b"features", b"measures"), "'features' is not"),
+        (lambda d: d.replace(b"jacobian", b"gradient"), "'jacobian' has the wrong"),
+        (lambda d: d.replace(b"features", b"measures"), "'features' has the wrong"),
         (lambda d: d.replace(b"dermis-surrogate 2", b"dermis-surrogate 1"), "an older format.*Adapt it again"),
         (
             lambda d: d.replace(

@@ -36,7 +36,8 @@ from ..stream.signals import Interrupted, Signals
 VIRTUAL = "virtual:"  # value of --sensor, and beginning of --url, for a simulated sensor and device
 ELECTRODES = (*(f"e{i + 1}" for i in range(19)), "pressure")  # channels of the simulated sensor
 REST = -1  # row number of the sensor's rest in the file of an unfinished collection
-DRIFTED = 0.1  # share of the RMS touch; a larger RMS change of rows that are read again gives a warning
+# Largest RMS change of rows that are read again, as a share of the RMS touch, see `_drift`; a larger one is reported.
+DRIFTED = 0.1
 
 
 def run(options: argparse.Namespace) -> int:
@@ -80,7 +81,8 @@ def run(options: argparse.Namespace) -> int:
     with signals.caught():
         try:
             session.prepare("goes through its poses with")
-            say(f"{len(commands)} rows, {len(done)} read already, {unreached} out of the motors' reach.")
+            ready = sum(not item.again for item in done)
+            say(f"{len(commands)} rows, {ready} read already; {unreached} further poses are out of the motors' reach.")
             if not most:
                 say("Without --stop-at, only the device's own limits end a press that is too strong.")
             say("Do not touch the sensor: its readings at rest are read for 1 s.")
@@ -88,7 +90,10 @@ def run(options: argparse.Namespace) -> int:
             if earlier is not None:
                 done = [replace(item, reading=item.reading + (rest - earlier)) for item in done]
                 moved = float(np.abs(rest - earlier).max())
-                say(f"The sensor's rest has moved by up to {moved:.4g} since: earlier rows are shifted by as much.")
+                say(
+                    f"The sensor's rest has moved by up to {moved:.4g} since the earlier run: the rows of that run are "
+                    "shifted by the change of each channel."
+                )
             if not options.yes:
                 session.confirm("The device is about to press the sensor. Enter: arm.")
 
@@ -189,7 +194,7 @@ def _read(part: Path, count: int, names: Sequence[str]) -> tuple[list[Collected]
 
     Args:
         part: path of the file, see `_part`.
-        count: number of commands of the collection; rows of other numbers are left out.
+        count: number of commands of the collection; rows with an index outside 0 to `count` - 1 are left out.
         names: names of the sensor's channels.
 
     Raises:

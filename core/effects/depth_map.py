@@ -19,7 +19,7 @@ from .map_repair import MapRepair, Meaning, NoData, Steps, number_of
 
 FINEST_WHITE = 1 << 16  # levels of the finest format whose largest number is always white
 SMALLEST_UNIT, LARGEST_UNIT = 1e-12, 1e3  # [m] bounds of the length that 1 in a file may stand for
-# Numbers of finer formats are lengths if all are below the type's range divided by this.
+# Numbers of formats finer than `FINEST_WHITE` are lengths if all are below the type's range divided by this.
 LEAST_OF_RANGE = 256
 
 
@@ -197,8 +197,8 @@ def _check_white(raster: images.Raster, path: str | Path) -> None:
             "the map holds whole numbers as lengths, and their unit is not stated",
             where=f"image '{Path(path).name}'",
             value=f"{found[0]:.7g} to {found[1]:.7g} of {raster.levels - 1}",
-            remedy="State the unit of the numbers: Values Are in the Dermis tab under Touch: Screen, or unit=1e-3 (mm) "
-            "in a script",
+            remedy="State the unit of the numbers: choose it in the field 'Values Are' of the Dermis tab under Touch: "
+            "Screen, or give unit=1e-3 (mm) in a script",
             code="no-unit",
         )
 

@@ -37,10 +37,11 @@ def directions(
         touching: whether the finger touches the screen, shape (n,).
         rate: samples per second [Hz].
         window: length of the moving average [s]; with 0, the result is eq. 4 itself.
-        resting: whether the finger is known to be at rest at the end of a step although x and y may change, shape
-            (n,); None if nothing is known.
+        resting: whether the finger is known to rest during the step that ends at each sample, although x and y may
+            change, shape (n,); None if nothing is known.
         radius: radius of the noise of positions that is ignored [m], for a live panel; 0 for exact positions.
-        carry: state from the window of times before, and for the next window; None if there was no touch before.
+        carry: state of the heading at the first sample, in which the state for the next span of times is stored;
+            None if no touch continues from or into another span.
 
     Source: [S4] eq. 4
     """

@@ -77,7 +77,7 @@ def read(path: Path, *, columns: str = "", rate: float = 100.0, unit: float | No
     Args:
         path: path of the file.
         columns: names separated by commas, for a file without names, or in place of the file's own names.
-        rate: rows or frames per second [Hz], for a file that has frames or no times.
+        rate: for a file without times, rows per second [Hz], or frames per second if a column numbers the frames.
         unit: unit of positions whose names have no unit [m]; None for metres.
 
     Raises:
@@ -157,7 +157,8 @@ def suggestion(rows: Rows, known: Sequence[Column] = ()) -> str:
     if not set(PLACE) <= {column.meaning for column in known}:
         found = guess(rows)
         if not (found.time and found.turn and found.unit) or (rows.names and found.turn != "none"):
-            # The numbers do not decide the names, or the own names contradict a guess with a rotation.
+            # Nothing is suggested if the numbers do not decide the names, or if the file has names of its own and the
+            # guess has a rotation.
             return ""
         usual = names_of(found.time, found.turn, found.unit)
         return usual if usual.count(",") + 1 == rows.values.shape[1] else ""
@@ -259,15 +260,15 @@ def _known(rows: Rows, columns: str) -> tuple[Column, ...]:
 
 def _not_said(what: str, rows: Rows, known: Sequence[Column] = ()) -> DermisError:
     suggested = suggestion(rows, known)
-    said = f"columns='{suggested}'" if suggested else "columns='time_s, x_mm, y_mm, z_mm, qw, qx, qy, qz' or similar"
+    said, more = f"columns='{suggested or 'time_s, x_mm, y_mm, z_mm, qw, qx, qy, qz'}'", ""
     if not suggested and not rows.names and not guess(rows).turn:
-        said += ", or qx, qy, qz, qw: the numbers do not show whether w is the first or the last"
+        more = "; the numbers do not show whether w is the first or the last: qw, qx, qy, qz or qx, qy, qz, qw"
     return DermisError(
         what,
         where=rows.where,
         value=", ".join(rows.names)[:80] or f"{rows.values.shape[1]} columns without names",
         limit="columns x, y and z, and optionally a time and a rotation, in any order",
-        remedy=f"State the columns, such as {said}, or write a line of names into the file",
+        remedy=f"State the columns, such as {said}, or write a line of names into the file{more}",
         code=NOT_SAID,
     )
 

@@ -53,8 +53,8 @@ class Bake:
         outputs: one for each device of each finger that could be rendered, in the scene's order.
         findings: findings about the scene as a whole; `all_findings` also has those of the outputs.
         skipped: counts of work that the scene did not need, by name.
-        content_hash: hash of the scene, of the device presets, of the version, and of the names of the fingers whose
-            contact is solved at points.
+        content_hash: hash of the scene, of the presets of its devices, of the version of Dermis and its engine, and of
+            the names of the fingers whose contact is solved at points.
         stage_seconds: run time of each stage [s].
         skins: contact of each simulated skin, by the name of the finger.
         inputs: hashes of all inputs of the bake, by object, see `inputs.inputs_of`.

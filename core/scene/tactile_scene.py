@@ -150,8 +150,8 @@ class Chunk:
         fingers, bodies, screens: object-to-world matrices [translation in m], shape (count, n, 4, 4).
         surfaces: surface of each deforming body at each sample, by the index of the body. Surfaces of the same topology
             share the array of triangles. A body with a surface in the header may deform in some chunks only.
-        animated: animated parameters, shape (n,), by keys such as 'finger/0/pattern' and 'body/3/friction'. A chunk
-            that lacks a parameter has the header's value of it.
+        animated: animated parameters, shape (n,), by keys such as 'finger/0/pattern_play' and 'body/3/friction'. A
+            chunk that lacks a parameter has the header's value of it.
     """
 
     frames: Array
@@ -305,7 +305,7 @@ def constant(scene: TactileScene, key: str) -> float:
 def unknown_settings(scene: TactileScene) -> Iterator[Finding]:
     """Yield a warning for each parameter whose name is no setting.
 
-    A misspelt parameter would otherwise have no effect without notice.
+    Otherwise a misspelt parameter would be ignored silently.
     """
     finger = {**FINGER, **SKIN_CONTACT, "skin": None}
     groups: list[tuple[str, Mapping[str, Any], Iterable[str]]] = []

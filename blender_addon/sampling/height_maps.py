@@ -318,8 +318,8 @@ def _doubtful(heights: NDArray[np.float32], depth: bool, where: str) -> tuple[An
             "its numbers look like lengths, but were taken as brightness, in which 1 is white",
             where=where,
             value=f"{low:.4g} to {high:.4g}",
-            remedy="Choose the unit in the field 'Values Are' of the Dermis tab under Touch: Screen; leave it if 1 has the "
-            "height set as Height",
+            remedy="Choose the unit in the field 'Values Are' of the Dermis tab under Touch: Screen; leave it if 1 "
+            "has the height set as Height",
         ),
     )
 

@@ -115,7 +115,7 @@ def test_a_recorded_table_takes_the_place_of_the_model(tmp_path, recorded, devic
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda t, s: (t, s[:, :5]), "another shape"),
+        (lambda t, s: (t, s[:, :5]), "the expected shape"),
         (lambda t, s: (t, np.where(np.arange(len(t))[:, None] == 7, np.nan, s)), "not finite.*row 8|row 8.*not finite"),
         (lambda t, s: (t[::-1], s), "times do not rise"),
     ],

@@ -109,5 +109,5 @@ def test_poses_are_tried_with_the_offset_frozen_and_slopes_are_exact() -> None:
 
 def test_a_matrix_alone_says_nothing_of_such_skin() -> None:
     contact = contact_of(device(), skin(), FRICTION)
-    with pytest.raises(DermisError, match="follows a law"):
+    with pytest.raises(DermisError, match="neo-Hookean"):
         DirectModel(device(), contact, skin().stress_components(12))

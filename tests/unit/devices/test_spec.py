@@ -85,7 +85,11 @@ def test_hash_is_the_presets_and_not_the_order_of_its_keys() -> None:
         ("channels", ["x"], "'channels' must be a list"),
         ("rate", 0, r"rate: must be above zero \(found 0.0; allowed: > 0\)"),
         ("rate", {"value": [1, 2], "unit": "Hz"}, "needs one number, not a list"),
-        ("rate", {"value": 10.1, "unit": "kHz"}, r"rate: more commands .* \(found 10100.0; allowed: <= 10000 Hz\)"),
+        (
+            "rate",
+            {"value": 10.1, "unit": "kHz"},
+            r"rate: the rate is higher .* \(found 10100.0; allowed: <= 10000 Hz\)",
+        ),
         ("rate", "fast", "rate: not a finite number"),
         ("channels/1/name", "x", r"two channels have one name \(found 'x, x'\)"),
         ("channels/1/name", "a,b", r"a character that is not allowed \(found 'a,b'; allowed: letters"),

@@ -72,10 +72,10 @@ def test_recorded_stimuli_are_read_from_both_files(tmp_path):
 @pytest.mark.parametrize(
     ("times", "stimuli", "words"),
     [
-        ([0, 1], np.zeros((2, 18)), r"another shape.*\(n, 19\)"),
+        ([0, 1], np.zeros((2, 18)), r"the expected shape.*\(n, 19\)"),
         ([0, 0], np.zeros((2, 19)), "do not rise"),
         ([0, 1], np.full((2, 19), np.nan), "not finite"),
-        ([], np.zeros((0, 19)), "another shape"),
+        ([], np.zeros((0, 19)), "the expected shape"),
     ],
 )
 def test_bad_recordings_are_refused(tmp_path, times, stimuli, words):

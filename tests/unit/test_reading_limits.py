@@ -237,7 +237,7 @@ BOMBS: list[tuple[Callable[[Path], None], str, str]] = [
     (big_npz, READ_TABLE, "too large for their packed size"),
     (many_npz, READ_TABLE, "too large for their packed size"),
     (lying_npz, "lambda p: sensor.read_stimuli(p, 2)", "declares"),
-    (empty_npz, READ_TABLE, "endless"),
+    (empty_npz, READ_TABLE, "a side that is too long"),
     (lying_npy, "images.read", "declares"),
     (members_npz, READ_TABLE, "members"),
     (header_scene, "scene_file.load", "too large for their packed size"),

@@ -237,7 +237,7 @@ def test_all_that_the_methods_say_of_themselves_can_be_read_back() -> None:
         ("# device: haptip\n", "", "track", "'# device' is missing"),
         ("# rate: 1000.0", "# rate: 0", "line 13", r"rate must be above zero \(found 0.0; allowed: > 0 Hz\)"),
         ("# rate: 1000.0", "# rate: NaN", "line 13", r"not a finite number \(found 'NaN'\)"),
-        ("# rate: 1000.0", "# rate: fast", "line 13", r"not a value \(found 'fast'\)"),
+        ("# rate: 1000.0", "# rate: fast", "line 13", r"not a JSON value \(found 'fast'\)"),
         ("# samples: 3", "# samples: 4", "track", r"number of rows is not the one stated \(found 3; allowed: 4\)"),
         ('"slew": 0.15', '"slew": 0', "line 16", r"slew must be above zero \(found 0.0; allowed: > 0\)"),
         ('"low": -0.002', '"low": 0.01', "line 16", r"low is above high \(found 0.01; allowed: <= 0.002\)"),

@@ -271,10 +271,10 @@ def test_going_without_is_a_choice_that_nothing_overrides(scene: Any) -> None:
 def test_another_device_than_the_chosen_one_is_not_armed(scene: Any) -> None:
     mark(scene, serial="0102030405060708")
     session.connect(scene)
-    status = wait(lambda s: s["state"] == "ready" and "another device answered" in s["message"])
+    status = wait(lambda s: s["state"] == "ready" and "the device that answered is not" in s["message"])
     assert board_identity.shown(scene).wrong
     assert "left, red tape" in status["message"] and VIRTUAL in status["message"]
-    with pytest.raises(RuntimeError, match="another device answered"):
+    with pytest.raises(RuntimeError, match="the device that answered is not"):
         bpy.ops.dermis.stream_arm()
     wait(state("ready"))
     assert not session.status()["armed"]
@@ -292,7 +292,7 @@ def test_under_way_the_calibration_of_another_device_ends_the_stream(scene: Any)
     bpy.ops.dermis.stream_arm()
     wait(lambda s: s["armed"])
     bpy.ops.dermis.calibration_use(file="haptip-left-red-tape.json")
-    wait(lambda s: not s["armed"] and "another device answered" in s["message"])
+    wait(lambda s: not s["armed"] and "the device that answered is not" in s["message"])
 
 
 def test_an_id_that_boards_share_tells_none_apart() -> None:

@@ -111,7 +111,7 @@ def test_what_is_up_there_is_up_here(tmp_path) -> None:
         ("t,x,y,z\n0,1,2,3\n0,1,2,3\n", "times do not rise"),
         ("t,x,y,z\n0,1,2,3\n", "at least two rows"),
         ("t,x,y,z\n0,1,2,3\n1,a,2,3\n", "line 3, column 2"),
-        ("x,y,z,qw,qx,qy,qz\n0,0,0,0,0,0,0\n0,0,0,0,0,0,0\n", "no rotation"),
+        ("x,y,z,qw,qx,qy,qz\n0,0,0,0,0,0,0\n0,0,0,0,0,0,0\n", "not a rotation"),
         ("", "no rows"),
     ],
 )

@@ -213,7 +213,10 @@ def test_a_screen_or_a_finger_whose_visibility_is_keyed_is_said_to_be_felt_throu
     frames = build.joined(tactile)["frames"]
     (finding,) = [f for f in tactile.chunks.findings if f.code in ("absent", "felt-throughout")]
     assert (finding.severity, finding.code) == ("warning", "felt-throughout")
-    assert finding.where == f"{role} '{hidden.name}'" and "all the time" in finding.what
+    assert (
+        finding.where == f"{role} '{hidden.name}'"
+        and {"screen": "stays touchable", "finger": "keeps touching"}[role] in finding.what
+    )
     assert (finding.frame, finding.count) == (4.0, int((frames >= 4).sum()))
 
 

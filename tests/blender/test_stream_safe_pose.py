@@ -184,7 +184,7 @@ def test_a_bake_for_another_version_of_the_preset_is_said() -> None:
     assert streamed_track.doubts(scene) == ""
     a_bake(aged(a_track()))
     words = streamed_track.doubts(scene)
-    assert "made for another version of the preset" in words and "1 limits or channels differ" in words
+    assert "made for another version of the preset" in words and "1 limit or channel differs" in words
     store.forget()
     assert streamed_track.doubts(scene) == ""
 

@@ -277,7 +277,7 @@ def test_workspace_loops_are_closed_and_reached(demo) -> None:
 
 
 def test_the_plot_is_written(demo, tmp_path) -> None:
-    with pytest.raises(RuntimeError, match="no bake"):
+    with pytest.raises(RuntimeError, match="not baked"):
         bpy.ops.dermis.plot_thimble(filepath=str(tmp_path / "p.png"))
     bake(demo)
     assert bpy.ops.dermis.plot_thimble(filepath=str(tmp_path / "p.png")) == {"FINISHED"}

@@ -122,18 +122,34 @@ def length_or_angle(name: str, where: str) -> float:
         where: name of the file, for the message.
 
     Raises:
-        DermisError: the name has a unit of another quantity, or text in brackets that is no unit.
+        DermisError: see `size_of_unit`.
     """
-    unit, allowed = unit_of(name), {**LENGTHS, **ANGLES}
-    if unit and unit not in allowed:
+    return size_of_unit(name, {**LENGTHS, **ANGLES}, where)
+
+
+def size_of_unit(name: str, allowed: Mapping[str, float], where: str) -> float:
+    """Return the size in SI of the unit in a column's name.
+
+    The size is 1 if the name has no unit. Units are compared without regard to case.
+
+    Args:
+        name: name of the column.
+        allowed: sizes of the units that the column may have.
+        where: name of the file, for the message.
+
+    Raises:
+        DermisError: the name has another unit, or text in brackets that is no unit.
+    """
+    unit, sizes = unit_of(name), {allowed_unit.lower(): size for allowed_unit, size in allowed.items()}
+    if unit and unit not in sizes:
         raise DermisError(
-            "the unit does not fit this column",
+            "the unit does not fit this channel",
             where=f"{where}, column '{name}'",
             value=unit,
             limit=", ".join(allowed),
             remedy="Convert the column to one of these, or remove the brackets if they hold no unit",
         )
-    return allowed.get(unit, 1.0)
+    return sizes[unit] if unit else 1.0
 
 
 def unit_of(name: str) -> str:

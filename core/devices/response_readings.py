@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
-from ..column_names import ANGLES, LENGTHS, unit_of
+from ..column_names import ANGLES, LENGTHS, size_of_unit
 from ..errors import DermisError
 from ..number_rows import read_rows
 from ..units import UNITS
@@ -87,7 +87,6 @@ def read_csv(path: Path, unit: str = "", **more: Any) -> Response:
     """
     rows = read_rows(path)
     columns, allowed = {}, _allowed(unit)
-    sizes = {name.lower(): size for name, size in allowed.items()}
     for names in (("driven", "commanded"), ("reached", "measured")):
         found = [k for k, name in enumerate(rows.names) if name.lower().lstrip("# ").startswith(names)]
         if len(found) != 1:
@@ -97,16 +96,7 @@ def read_csv(path: Path, unit: str = "", **more: Any) -> Response:
                 value=", ".join(rows.names)[:80] or "no line of names",
                 limit="driven, reached; with a unit: 'driven [deg]', 'reached [deg]'",
             )
-        given = unit_of(rows.names[found[0]])
-        if given and given not in sizes:
-            raise DermisError(
-                "the unit does not fit this channel",
-                where=f"{path}, column '{rows.names[found[0]]}'",
-                value=given,
-                limit=", ".join(allowed),
-                remedy="Convert the column to one of these, or remove the brackets if they hold no unit",
-            )
-        columns[names[0]] = rows.values[:, found[0]] * (sizes[given] if given else 1.0)
+        columns[names[0]] = rows.values[:, found[0]] * size_of_unit(rows.names[found[0]], allowed, str(path))
         if bad := np.flatnonzero(~np.isfinite(columns[names[0]])).tolist():
             raise DermisError("a reading is missing or not finite", where=rows.place(bad[0], found[0]))
     try:

@@ -12,12 +12,16 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import changes, loading, redraw
+from blender_addon import changes, loading, panels, redraw, views
 from blender_addon._core import DermisError, core
 from blender_addon.demos import demo_motors, demo_thimble
 from blender_addon.devices import skin_models, thimble_devices
+from blender_addon.panels import main
 from blender_addon.preview import device_preview, platform_preview, skin_preview
 from blender_addon.viewport import device_cards, shown, skin_field, slices
+
+from . import build
+from .stand_in import Anything, Panel
 
 MOST = 120.0  # [s] that tests wait
 
@@ -263,3 +267,22 @@ def test_a_jump_is_solved_aside_and_who_leaves_it_finds_everything_as_it_was(win
         for state in shown.now(scene).skins.states:
             assert not list(skin_field.learn(state, scene.dermis.skin_view.quantity))
     assert all(np.array_equal(a, b) for a, b in zip(found[0], again[0], strict=True)) and found[1] == again[1]
+
+
+def test_panels_wait_until_a_thread_has_loaded_the_modules_that_they_query(window: None) -> None:
+    """A draw that loads them itself would hold the window. Blender hides a panel whose parent is hidden."""
+    classes = [c for c in panels.CLASSES if issubclass(c, bpy.types.Panel) and not getattr(c, "bl_parent_id", "")]
+    others = [cls for cls in classes if cls is not main.DERMIS_PT_main]
+    build.finger()
+
+    def head() -> list[str]:
+        layout = Anything()
+        Panel(main.DERMIS_PT_main, layout).draw(bpy.context)
+        return list(layout.words)
+
+    assert len(others) > 8 and not any(cls.poll(bpy.context) for cls in others) and head() == ["Loading..."]
+    end = time.monotonic() + MOST
+    while not views.there():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+    assert sum(cls.poll(bpy.context) for cls in others) > 4 and "Loading..." not in head()

@@ -20,6 +20,7 @@ from ._core import core
 
 POLL = 0.02  # [s] between two checks of running work
 LOOK = 0.004  # [s] for which the window waits at most for work of `aside`, before it goes on with something else
+PANELS = ("devices.kinds", "pipeline.skipping", "stream.state")
 LIGHT = (
     "pipeline.trail",
     "surface.gap",
@@ -30,6 +31,7 @@ LIGHT = (
     "matching.thimble_use",
     "images.raster",
     "effects.map_repair",
+    "effects.depth_map",
     "surface.curved",
     "track.file_names",
 )
@@ -46,6 +48,7 @@ HEAVY = (
     "skin.recovery",
     "skin.stress_table",
     "skin.finger_skin",
+    "work.processes",
 )
 
 
@@ -170,7 +173,7 @@ def addon(modules: Sequence[Any]) -> bool:
 
     If they are not, a thread loads them.
     """
-    return _read("add-on", (), modules, None)
+    return _read("add-on", PANELS, modules, None)
 
 
 def addon_loaded() -> bool:
@@ -240,7 +243,7 @@ def _load(names: Sequence[str], modules: Sequence[Any]) -> None:
         module: Any = core
         for part in name.split("."):
             module = getattr(module, part)
-    if names:
+    if "kernels.library" in names:
         import scipy.sparse.csgraph  # noqa: F401  (by which the engine tells the parts of a surface)
 
         core.kernels.library.have_kernels()  # loads them

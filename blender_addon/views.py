@@ -12,12 +12,14 @@ from typing import Any
 import bpy
 
 from . import changes, doubts, identity, loading, on_demand, redraw, reporting
+from .comparison import compared, told
 from .design import design_results
 from .devices import readiness, skin_models, thimble_devices
 from .film import film_objects
 from .hands import armatures
+from .placing import presses
 from .preview import device_preview, live_lanes, moment, pin_preview, platform_preview, skin_preview, thimble_preview
-from .results import exported, owners, store, trusted
+from .results import exported, floors, owners, pin_reports, store, trusted
 from .sampling import frames
 from .streaming import (
     board_identity,
@@ -35,11 +37,15 @@ from .viewport import (
     device_cards,
     obstacles,
     overlay,
+    pin_card,
+    platform_card,
     shown,
     skin_cards,
+    skin_colours,
     skin_shader,
     skin_shown,
     skin_view,
+    thimble_card,
     twins,
 )
 
@@ -48,6 +54,7 @@ MODULES = (  # modules that draw, modules that panels query, and modules that th
     *(device_preview, live_lanes, moment, skin_preview, exported, owners, store, trusted, frames),
     *(board_identity, built_devices, calibration_offers, device_calibration, reported_values, session),
     *(stream_log, streamed_track, strip, cards, device_cards, obstacles, overlay, shown, skin_cards, skin_view, twins),
+    *(compared, told, presses, floors, pin_reports, pin_card, platform_card, skin_colours, skin_shader, thimble_card),
 )
 VIEW = "SpaceView3D"
 EDITORS = ("SpaceDopeSheetEditor", "SpaceGraphEditor")  # editors that show the strip

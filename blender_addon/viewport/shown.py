@@ -15,8 +15,18 @@ import bpy
 
 from .. import changes, choices, identity, loading, redraw
 from .. import doubts as doubtful
-from ..devices import readiness, skin_models
-from ..preview import device_preview, live_lanes, moment, pin_preview, skin_preview, thimble_preview
+from ..devices import active_presets, platform_devices, readiness, skin_models, thimble_adaptation, thimble_devices
+from ..placing import surfaces
+from ..preview import (
+    device_preview,
+    followers,
+    live_lanes,
+    moment,
+    pin_preview,
+    platform_preview,
+    skin_preview,
+    thimble_preview,
+)
 from ..preview.rows import Preview
 from ..preview.skin_state import SkinState
 from ..results import store
@@ -34,7 +44,7 @@ from ..sampling import (
     touched_frames,
 )
 from ..streaming import built_devices, reported_values, streamed_track
-from . import display_surface, platform_twin, skin_field, skin_shown, slices, tactor_twin, thimble_twin, twins
+from . import display_surface, pin_twin, platform_twin, skin_field, skin_shown, slices, tactor_twin, thimble_twin, twins
 from .twin import Twin
 
 
@@ -85,15 +95,24 @@ _LIGHT = (
     tactor_twin,
     readiness,
     doubtful,
+    surfaces,
+    active_presets,
+    platform_devices,
+    thimble_devices,
+    followers,
+    pin_preview,
+    platform_preview,
+    thimble_preview,
 )
 _MODULES = (
     *_LIGHT,
     skin_field,
     display_surface,
     skin_shown,
+    pin_twin,
     platform_twin,
     thimble_twin,
-    thimble_preview,
+    thimble_adaptation,
     skin_preview,
 )
 

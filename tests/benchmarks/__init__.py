@@ -50,12 +50,24 @@ class Result:
 
 
 class Benchmark(NamedTuple):
-    """A registered function, the limit its value is held against (None: no limit), and whether it is a quick one."""
+    """A registered function, and what its result is held against.
+
+    Attributes:
+        limit: the largest value that is good enough; None: no limit. quick: whether it runs where no names are given.
+        tail: how many times the median the 95th percentile may be at most; None: it is not judged.
+    """
 
     name: str
     limit: float | None
     function: Callable[[], Result]
     quick: bool = False
+    tail: float | None = None
+
+    def late(self, result: Result) -> bool:
+        """Return whether the 95th percentile of a result is beyond `tail`."""
+        if self.tail is None or result.value is None or result.p95 is None:
+            return False
+        return result.p95 > self.tail * result.value
 
 
 class Timing(NamedTuple):
@@ -70,19 +82,20 @@ REGISTRY: dict[str, Benchmark] = {}
 
 
 def benchmark(
-    name: str, limit: float | None = None, *, quick: bool = False
+    name: str, limit: float | None = None, *, quick: bool = False, tail: float | None = None
 ) -> Callable[[Callable[[], Result]], Callable[[], Result]]:
     """Register a function under a name.
 
     Args:
         limit: the largest value that is good enough.
         quick: whether it runs where no names are given. All that are quick take less than `QUICK_SECONDS` together.
+        tail: how many times the median the 95th percentile may be at most.
     """
 
     def register(function: Callable[[], Result]) -> Callable[[], Result]:
         if name in REGISTRY:
             raise ValueError(f"two benchmarks are called {name}")
-        REGISTRY[name] = Benchmark(name, limit, function, quick)
+        REGISTRY[name] = Benchmark(name, limit, function, quick, tail)
         return function
 
     return register

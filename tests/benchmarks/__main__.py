@@ -58,7 +58,9 @@ def table(results: list[Result]) -> str:
         shown = f"{number(result.value):>10} {number(result.p95):>10} {result.unit:5} {number(limit):>8}"
         peers = ", ".join(f"{name} {number(value)}{times(value, result.value)}" for name, value in result.peers.items())
         over = limit is not None and result.value is not None and result.value > limit
-        lines.append(f"{result.name:34} {shown}  {peers}{'  OVER THE LIMIT' if over else ''}".rstrip())
+        late = entry is not None and entry.late(result)
+        marks = f"{'  OVER THE LIMIT' if over else ''}{f'  P95 OVER {entry.tail:g} MEDIANS' if entry and late else ''}"
+        lines.append(f"{result.name:34} {shown}  {peers}{marks}".rstrip())
         if result.error:
             lines.append(f"    {result.error}")
     return "\n".join(lines)

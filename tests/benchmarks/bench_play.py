@@ -19,6 +19,7 @@ from unittest import mock
 from . import Result, benchmark, timing
 
 PLAYED, EARLY, TIMES = 60, 10, 3  # frames before, frames before the early ones, plays
+TAIL = 2.0  # a frame in twenty may take so many times the median: a playback stumbles over the slow ones
 
 
 class Play(NamedTuple):
@@ -33,25 +34,25 @@ PINS, THIMBLE = Play("pins", range(90, 110)), Play("thimble", range(40, 60))
 FIVE = Play("five", range(28, 46))
 
 
-@benchmark("scrub_demo_ms", limit=4.0, quick=True)
+@benchmark("scrub_demo_ms", limit=4.0, quick=True, tail=TAIL)
 def scrub_demo() -> Result:
     """Two fingers with shear tactors lift a box, one reads a friction screen."""
     return _result("scrub_demo_ms", DEMO)
 
 
-@benchmark("scrub_thimble_ms", limit=4.0)
+@benchmark("scrub_thimble_ms", limit=4.0, tail=TAIL)
 def scrub_thimble() -> Result:
     """A thimble on a finger that presses a ball."""
     return _result("scrub_thimble_ms", THIMBLE)
 
 
-@benchmark("scrub_pins_ms", limit=6.0)
+@benchmark("scrub_pins_ms", limit=6.0, tail=TAIL)
 def scrub_pins() -> Result:
     """A pin array on a finger that a plane slides under."""
     return _result("scrub_pins_ms", PINS)
 
 
-@benchmark("scrub_5fingers_ms", limit=10.0)
+@benchmark("scrub_5fingers_ms", limit=10.0, tail=TAIL)
 def scrub_5fingers() -> Result:
     """Five draft skins with thimbles, all in contact; the standard skins are the peer."""
     peer = timing(_times(Play("five, standard", FIVE.frames))[1]).median

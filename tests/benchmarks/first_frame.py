@@ -10,6 +10,7 @@ import gc
 import json
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -26,18 +27,37 @@ class Clock:
 
     def __init__(self) -> None:
         self.all: list[tuple[float, float, str]] = []
+        self.running: list[str] = []
 
     def timed(self, what: str, call: Callable[..., Any]) -> Callable[..., Any]:
         """Return a call that is timed."""
 
         def called(*given: Any, **named: Any) -> Any:
+            self.running.append(what)
             wall, cpu = time.perf_counter(), time.thread_time()
             try:
                 return call(*given, **named)
             finally:
+                self.running.pop()
                 self.all.append((1e3 * (time.perf_counter() - wall), 1e3 * (time.thread_time() - cpu), what))
 
         return called
+
+
+class Reads:
+    """Keeps the modules that the window's thread reads within timed calls: each is a file that a window waits for.
+
+    It is the first of Python's finders, and finds nothing itself.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self.all: list[str] = []
+        self._clock = clock
+
+    def find_spec(self, name: str, _path: Any = None, _target: Any = None) -> None:
+        """See `importlib.abc.MetaPathFinder`."""
+        if self._clock.running and threading.get_ident() == threading.main_thread().ident:
+            self.all.append(f"{name} in {self._clock.running[-1]}")
 
 
 class Timers:
@@ -146,6 +166,8 @@ def measure(path: str) -> dict[str, Any]:
                 last = time.perf_counter()
             time.sleep(1e-3)  # others may have the interpreter
 
+    reads = Reads(clock)
+    patch.setattr(sys, "meta_path", [reads, *sys.meta_path])
     bpy.ops.wm.open_mainfile(filepath=path)
     draw()
     settle()
@@ -172,6 +194,7 @@ def measure(path: str) -> dict[str, Any]:
         "peer": peers,
         "shown": bool(rows or skins),
         "notes": notes,
+        "reads": reads.all,
         "longest": sorted(clock.all, reverse=True)[:12],
     }
 

@@ -16,6 +16,9 @@ from typing import Any
 
 from core.files import read_json, read_text, write_bytes
 
+from . import REGISTRY, Result
+from .__main__ import load
+
 PAGE = Path(__file__).with_name("RESULTS.md")
 RUNS = "<!-- runs -->\n"
 LIMIT = re.compile(r"^(?:median )?≤ ([\d.]+)(?= |$|;|:)")
@@ -36,6 +39,7 @@ def updated(page: str, run: Mapping[str, Any], day: str) -> str:
             row, percent = found[name], cells[2].endswith("%")
             cells[2] = shown(row["value"], row["unit"], percent)
             cells[3] = shown(row["p95"], row["unit"], percent) if row["p95"] is not None else ""
+            cells[3] += tailed(name, row)
             cells[4] = judged(cells[4], row["value"])
             line = "".join(f"| {cell} " if cell else "| " for cell in cells) + "|"
             names.append(f"`{name}`")
@@ -53,6 +57,13 @@ def shown(value: float, unit: str, percent: bool) -> str:
         return f"{100.0 * value:.3g} %"
     number = f"{value:.0f}" if value >= 100.0 else f"{value:#.3g}"
     return f"{number} {unit}" if unit in ("ms", "us", "s", "MB", "deg") else number
+
+
+def tailed(name: str, row: Mapping[str, Any]) -> str:
+    """Return what is to be said of a row's 95th percentile: where it is too many times the median."""
+    entry = REGISTRY.get(name)
+    result = Result(name, row["value"], row["unit"], row["p95"])
+    return f": over {entry.tail:g} medians" if entry is not None and entry.late(result) else ""
 
 
 def judged(limit: str, value: float) -> str:
@@ -73,6 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("run", type=Path, metavar="RUN.json")
     parser.add_argument("--day", default=date.today().isoformat(), help="of the run (today)")
     options = parser.parse_args(arguments)
+    load()  # the limits
     write_bytes(PAGE, updated(read_text(PAGE), read_json(options.run), options.day).encode())
 
 

@@ -108,9 +108,15 @@ def draw(callbacks: list[Callable[[], None]], layout: Anything) -> None:
 
 
 def draw_panels(layout: Anything) -> None:
-    """Draw every panel that would be shown."""
+    """Draw every panel that would be shown, open. As in Blender, a panel that is hidden hides those inside it."""
+    hidden: set[str] = set()
     for cls in panels.CLASSES:
-        if issubclass(cls, bpy.types.Panel) and getattr(cls, "poll", lambda _context: True)(bpy.context):
-            for name in ("draw_header", "draw"):
-                if name in vars(cls) or any(name in vars(base) for base in cls.__mro__[1:-3]):
-                    getattr(Panel(cls, layout), name)(bpy.context)
+        if not issubclass(cls, bpy.types.Panel):
+            continue
+        poll = getattr(cls, "poll", lambda _context: True)
+        if getattr(cls, "bl_parent_id", None) in hidden or not poll(bpy.context):
+            hidden.add(cls.bl_idname)
+            continue
+        for name in ("draw_header", "draw"):
+            if name in vars(cls) or any(name in vars(base) for base in cls.__mro__[1:-3]):
+                getattr(Panel(cls, layout), name)(bpy.context)

@@ -38,6 +38,7 @@ def test_no_piece_of_work_holds_the_window(folder: Path, demo: str) -> None:
     while len(tried) < TRIES and not (tried and ratio(tried[-1]) <= MOST):
         tried.append(run(folder, "cold" if not tried else f"cold {len(tried)}", demo))
         assert tried[-1]["shown"], "something was shown in the end"
+        assert all(read.endswith(" in _on_load") for read in tried[-1]["reads"]), "a window waits for no module"
     told = ", ".join(f"{found['busiest']}: {found['cpu']:.0f} ms, peer {found['peer']:.0f} ms" for found in tried)
     assert min(map(ratio, tried)) <= MOST, told
 

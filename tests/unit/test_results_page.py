@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from tests.benchmarks import REGISTRY, Benchmark, Result, bench_play
+from tests.benchmarks.__main__ import table
 from tests.benchmarks.results_page import PAGE, RUNS, updated
 
 pytestmark = pytest.mark.one_line("3.11", "a page is rewritten")
@@ -48,3 +50,17 @@ def test_the_page_has_a_place_for_runs_and_rows_that_fit() -> None:
     assert text.count(RUNS) == 1
     rows = [line for line in text.splitlines() if line.startswith("| `") and line.count("|") > 4]
     assert len(rows) > 60 and all(row.count("|") == 8 for row in rows)
+
+
+@pytest.mark.parametrize(("p95", "late"), [(3.9, False), (4.1, True), (None, False)])
+def test_a_long_tail_is_told(p95: float | None, late: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = Result("a_ms", 2.0, "ms", p95)
+    monkeypatch.setitem(REGISTRY, "a_ms", Benchmark("a_ms", 10.0, lambda: result, tail=2.0))
+    assert ("P95 OVER 2 MEDIANS" in table([result])) == late
+    row = {"name": "a_ms", "value": 2.0, "unit": "ms", "p95": p95, "error": None}
+    page = updated(RUNS + ROWS, {**run(), "results": [row]}, "2026-11-27")
+    assert ("| 4.10 ms: over 2 medians | ≤ 10 ms |" in page) == late
+
+
+def test_frames_of_a_playback_are_judged_by_their_tail_too() -> None:
+    assert {REGISTRY[f"scrub_{name}_ms"].tail for name in ("demo", "thimble", "pins", "5fingers")} == {bench_play.TAIL}

@@ -65,6 +65,20 @@ def title(group: str, key: str) -> str:
     return str(found.name) if found is not None else key if known() else key.replace("_", " ").title()
 
 
+def label(group: str, key: str) -> str:
+    """Return a preset's name for people, with its key if several presets have this name."""
+    name = title(group, key)
+    alike = [entry for entry in entries(group) if entry.name == name]
+    return f"{name} ({key})" if len(alike) > 1 else name
+
+
+def key_of(group: str, text: str) -> str:
+    """Return the key of the preset that has a `label`; a text that is no label is returned as it is."""
+    if not known():
+        refresh()
+    return next((entry.key for entry in entries(group) if label(group, entry.key) == text), text)
+
+
 def worn(label: str) -> str:
     """Return 'finger: preset' with the device's name in place of its key.
 

@@ -6,6 +6,9 @@ from typing import Any
 
 import bpy
 
+# Most letters of a name beside its field in a sidebar of the default width, without and with dots for keyframes.
+BESIDE, BESIDE_DOTS = 17, 14
+
 
 def ui_scale() -> float:
     """Return the interface's scale; 1 without a window, where it is 0."""
@@ -56,6 +59,9 @@ def role(context: bpy.types.Context) -> str:
 def properties(layout: Any, group: Any, *names: str, keys: bool = True) -> Any:
     """Draw properties one below the other; return their column.
 
+    A number whose name would be cut off beside its field has its name in the field, over the whole width, so that its
+    unit can be read.
+
     Args:
         names: names of the properties.
         keys: whether Blender's dots for keyframes are drawn beside them.
@@ -63,7 +69,15 @@ def properties(layout: Any, group: Any, *names: str, keys: bool = True) -> Any:
     column = layout.column()
     column.use_property_split, column.use_property_decorate = True, keys
     for name in names:
-        column.prop(group, name)
+        row = group.bl_rna.properties[name]
+        if row.type != "FLOAT" or "[" not in row.name or len(row.name) <= (BESIDE_DOTS if keys else BESIDE):
+            column.prop(group, name)
+            continue
+        wide = column.row(align=True)
+        wide.use_property_split = False
+        wide.prop(group, name)
+        if keys:
+            wide.prop_decorator(group, name)
     return column
 
 

@@ -84,4 +84,7 @@ def report_findings(operator: bpy.types.Operator, found: Sequence[Any], what: st
         return
     bad = [f for f in _findings if f.severity != "info"]
     more = f"; {len(bad) - 1} more" if len(bad) > 1 else ""
-    operator.report({"WARNING"}, f"{done.rstrip('.')}; {str(bad[0]).rstrip('.')}{more}")
+    for finding in bad:
+        print(finding)
+    first = f"{bad[0].where}: {bad[0].what}" if bad[0].where else bad[0].what  # values and remedy would be cut off
+    operator.report({"WARNING"}, f"{done.rstrip('.')}; {bad[0].severity}: {first}{more}")

@@ -20,6 +20,14 @@ def _platforms(_self: Any, _context: Any, text: str) -> list[str]:
     return [k for k in choices.search("devices", text) if choices.kind_of(k) in active_presets.kinds("platform")]
 
 
+def _platform_names(_self: Any, _context: Any, text: str) -> list[str]:
+    return [choices.label("devices", key) for key in _platforms(_self, _context, text)]
+
+
+def _named(self: Any, name: str) -> None:
+    self.device = choices.key_of("devices", name)
+
+
 class DermisDesignTouch(bpy.types.PropertyGroup):
     """One touch that the motors shall render: a baked scene of this file, or a recording."""
 
@@ -43,6 +51,14 @@ class DermisDesign(bpy.types.PropertyGroup):
         search=_platforms,
         options=set(),
         update=unfelt,
+    )
+    device_name: StringProperty(
+        name="Device",
+        description="Platform whose number of motors is to be reduced",
+        search=_platform_names,
+        get=lambda self: choices.label("devices", self.device),
+        set=_named,
+        options={"SKIP_SAVE"},
     )
     touches: CollectionProperty(description="Touches that the motors have to render", type=DermisDesignTouch)
     active_touch: IntProperty(

@@ -213,7 +213,7 @@ def _doubts(rig: Rig, hand: Hand, found: Nails, tips: Sequence[Tip], fits: Seque
     if bare:
         doubt(
             "hand-without-skin",
-            "no skin was found round some last bones, so the sizes and places of these fingers follow from the bones",
+            "some fingers have no skin round their last bones, so their sizes and places follow from the bones",
             "Show the hand's mesh, and check that its vertex groups have the names of deforming bones",
             value=", ".join(bare),
         )

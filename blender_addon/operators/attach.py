@@ -83,7 +83,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         options={"SKIP_SAVE"},
     )
     reading: IntProperty(
-        name="Reading",
+        name="Interpretation",
         description="Interpretation of the bones. 1 fits best; the others take other bones, or name the fingers "
         "differently",
         default=1,
@@ -178,7 +178,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
                 row.label(text=lines[k], icon="NONE" if " off" not in lines[k] else "ERROR")
         column = layout.column()
         column.use_property_split = True
-        column.prop(self, "device")
+        column.prop(self, "device", placeholder="None")
         column.prop(self, "skin")
 
     def _hands(self, hung: "rig.Rig") -> "dict[str, Hand]":
@@ -241,13 +241,13 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
                 raise DermisError(
                     f"both hands are read as a {SIDES[side]}",
                     where=hung.where,
-                    value=f"reading {self.reading}",
-                    remedy="Choose one hand, or another value of Reading",
+                    value=f"interpretation {self.reading}",
+                    remedy="Choose one hand, or another value of Interpretation",
                 )
             chosen[side] = reading
-            lines += [f"{SIDES[side].capitalize()}: reading {number} of {count}", reading.told]
+            lines += [f"{SIDES[side].capitalize()}: interpretation {number} of {count}", reading.told]
             if number < count:
-                lines.append(f"Next: {reading.difference(hand.readings[number])}")
+                lines.append(f"Interpretation {number + 1}: {reading.difference(hand.readings[number])}")
         self.told = "\n".join(lines)
         return chosen
 

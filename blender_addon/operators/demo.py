@@ -130,6 +130,10 @@ class DERMIS_OT_demo_thimble_scene(_Demo, bpy.types.Operator):
         return demo_thimble.build(self.touch)
 
 
+def _named(self: Any, name: str) -> None:
+    self.device = choices.key_of("devices", name)
+
+
 class DERMIS_OT_demo_motors_scene(_Demo, bpy.types.Operator):
     """Open one of the paper's six interactions in a new scene: a flat surface, moved by a trembling hand, touches the
     finger three times"""
@@ -141,7 +145,17 @@ class DERMIS_OT_demo_motors_scene(_Demo, bpy.types.Operator):
     touch: EnumProperty(
         name="Touch", description="Movement of the finger over a flat surface", items=touches.items(touches.MOTORS)
     )
-    device: StringProperty(name="Device", description="Device preset", default=touches.PLATFORM)
+    device: StringProperty(
+        name="Device", description="Device preset, by its file name", default=touches.PLATFORM, options={"HIDDEN"}
+    )
+    device_name: StringProperty(
+        name="Device",
+        description="Device of the finger",
+        search=lambda _self, _context, text: [choices.label("devices", k) for k in choices.search("devices", text)],
+        get=lambda self: choices.label("devices", self.device),
+        set=_named,
+        options={"SKIP_SAVE"},
+    )
     seed: IntProperty(name="Seed", description="Seed of the hand's tremor", default=0, min=0, soft_max=100)
 
     def build(self) -> bpy.types.Scene:

@@ -3,13 +3,14 @@
 from typing import Any
 
 import bpy
+import numpy as np
 
 from .. import changes, choices, reporting
 from .._core import core
 from ..hands import bone_names
 from ..layouts import paragraph, properties
 from ..polls import needs
-from ..results import command_curves, store, trusted
+from ..results import command_curves, lanes, store, trusted
 from ..viewport import shown
 from . import summary
 from .main import DermisPanel, export_box, working
@@ -109,9 +110,9 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
             return
         if state == "stale":
             box = layout.box()
-            changed = sorted(changes.dirty())
-            cause = f" ({', '.join(changed[:3])}{', ...' if len(changed) > 3 else ''})" if changed else ""
-            paragraph(box, context, f"Out of date: the scene changed since{cause}. Bake again.", "ERROR")
+            changed = sorted({"undo": "an undo"}.get(name, name) for name in changes.dirty())
+            cause = f": {', '.join(changed[:3])}{', ...' if len(changed) > 3 else ''}" if changed else ""
+            paragraph(box, context, f"Out of date. The scene changed after the bake{cause}. Bake again.", "ERROR")
         elif state == "earlier":
             paragraph(layout, context, "From an earlier session; the scene may have changed since.", "INFO")
         self._tracks(result.bake)
@@ -129,6 +130,10 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
             row = box.row()
             row.active = False
             row.label(text=f"{len(track.times):,} samples, {duration:.2f} s at {track.spec.rate:g} Hz", icon="BLANK1")
+            for name in lanes.AT_LIMIT:  # these devices' commands are computed within their limits
+                at_limit = int(np.count_nonzero(bake.outputs[i].signals.get(name, ())))
+                if at_limit:
+                    box.label(text=f"{at_limit:,} samples at a limit", icon="INFO")
             for name, count in track.limited.items():
                 if count and not told:  # otherwise the findings give it
                     box.label(text=f"{count:,} limited: {name.replace('_', ' ').replace('.', ', ')}", icon="ERROR")
@@ -170,7 +175,7 @@ class DERMIS_PT_result_details(DermisPanel, bpy.types.Panel):
         column.active = False
         column.scale_y = 0.85
         for part, words in core.pipeline.skipping.told(result.bake.skipped):
-            column.label(text=f"Skipped, {part}: {words}")
+            paragraph(column, context, f"Skipped, {part}: {words}")
         if result.bake.stage_seconds:
             times = ", ".join(f"{name} {1e3 * seconds:.0f} ms" for name, seconds in result.bake.stage_seconds.items())
             paragraph(column, context, f"Took {times}")
@@ -202,7 +207,7 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
             text = row.column(align=True)
             head = f"{finding.where}: {finding.what}" if finding.where else finding.what
             if finding.count > 1 and str(finding.count) not in finding.what:
-                head += f" ({finding.count:,} samples)"
+                head += f" ({finding.count:,} samples)" if finding.frame is not None else f" (count: {finding.count:,})"
             paragraph(text, context, head, SEVERITY_ICONS[finding.severity], inset=36.0)
             if finding.value is not None or finding.limit:
                 value = f"{finding.value:.4g}" if isinstance(finding.value, float) else finding.value

@@ -30,7 +30,7 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
         column.operator("dermis.compare_devices", icon="PIVOT_CURSOR", text="With Floors").floors = True
         found = compared.current(context.scene)
         if found is None:
-            paragraph(layout, context, "One touch of the active finger through every device preset that fits it.")
+            paragraph(layout, context, "Sends the active finger's touch through every device preset that fits it.")
             return
         if found.edits != changes.edits():
             paragraph(layout, context, "The scene changed since: compare again.", "ERROR")

@@ -15,7 +15,9 @@ from ..polls import needs
 from ..results import store
 from ..viewport import shown
 from . import searched
-from .main import DermisPanel
+from .main import DermisPanel, chosen
+
+UNREADY = {"none": "Not baked", "stale": "Bake out of date", "earlier": "Baked in an earlier session"}
 
 
 def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
@@ -32,7 +34,11 @@ def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
         column.prop(device, "table_rows")
 
 
-@needs(lambda context: shown.active_device(context.scene, context.object, "platform") is not None)
+@needs(
+    lambda context: (
+        chosen(context, "platform") and shown.active_device(context.scene, context.object, "platform") is not None
+    )
+)
 class DERMIS_PT_platform(DermisPanel, bpy.types.Panel):
     """A finger's platform: the state of its table, or of the search.
 
@@ -89,11 +95,8 @@ class DERMIS_UL_design_touches(bpy.types.UIList):
             return
         row = layout.row()
         row.label(text=item.scene.name, icon="SCENE_DATA")
-        state = store.state(item.scene)
-        if state != "fresh":
-            row.label(
-                text={"none": "not baked", "stale": "out of date", "earlier": "earlier session"}[state], icon="ERROR"
-            )
+        if store.state(item.scene) != "fresh":  # words beside it would cut off the scene's name
+            row.label(text="", icon="ERROR")
 
 
 @needs(lambda _context: True)
@@ -122,10 +125,11 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
                 rows=max(2, min(len(own.touches), 6)),
             )
             row.operator("dermis.remove_design_touch", text="", icon="REMOVE")
+            _unready(layout, context, own.touches)
         row = layout.row(align=True)
         for kind, text in (("SCENE", "This Scene"), ("BAKED", "All Baked"), ("FILE", "Recording")):
             row.operator("dermis.add_design_touch", text=text).kind = kind
-        column = properties(layout, own, "device", "table", keys=False)
+        column = properties(layout, own, "device_name", "table", keys=False)
         if not own.table:
             column.prop(own, "table_rows")
         column.prop(own, "noise")
@@ -203,6 +207,17 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
                 parts, percent = "pulleys" if pulleys else "levers", design.shared.percent
                 more = f"the error exceeds that with all motors by {percent:.1f} % of the touch's size"
                 paragraph(box, context, f"With shared {parts}, {more}.")
+
+
+def _unready(layout: Any, context: bpy.types.Context, touches_of: Any) -> None:
+    """Draw the names of the listed scenes that have no up-to-date bake."""
+    scenes: dict[str, list[str]] = {}
+    for item in touches_of:
+        if item.scene is not None:
+            scenes.setdefault(store.state(item.scene), []).append(item.scene.name)
+    for state, words in UNREADY.items():
+        if state in scenes:
+            paragraph(layout, context, f"{words}: {', '.join(scenes[state])}.", "ERROR")
 
 
 class DERMIS_MT_motors_demos(bpy.types.Menu):

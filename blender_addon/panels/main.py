@@ -4,10 +4,11 @@ from typing import Any
 
 import bpy
 
-from .. import jobs, loading
+from .. import choices, jobs, loading
+from .._core import core
 from ..hands import armatures
 from ..layouts import paragraph
-from ..polls import finger_at_hand
+from ..polls import active_finger, finger_at_hand
 from ..results import exported, store
 from ..viewport import shown
 from . import summary
@@ -121,6 +122,27 @@ class DERMIS_PT_main(DermisPanel, bpy.types.Panel):
         column = layout.column(align=True)
         column.scale_y = 1.35
         column.operator("dermis.bake", icon="REC")
+
+
+def chosen(context: bpy.types.Context, style: str) -> bool:
+    """Return whether the device chosen in the active finger's list is drawn in a style.
+
+    Args:
+        style: a style of `core.devices.kinds.Kind.drawn`, such as 'tactor' or 'pins'.
+    """
+    finger = active_finger(context)
+    if finger is None:
+        return False
+    own = finger.dermis.finger
+    if not 0 <= own.active_device < len(own.devices):
+        return False
+    return style_of(own.devices[own.active_device].preset) == style
+
+
+def style_of(preset: str) -> str:
+    """Return the style in which the device of a preset is drawn, '' if the preset is unknown."""
+    kind = core.devices.kinds.KINDS.get(choices.kind_of(preset))
+    return "" if kind is None else kind.drawn
 
 
 def working(layout: Any, context: bpy.types.Context, title: str = "") -> bool:

@@ -23,9 +23,7 @@ class DERMIS_PT_material(DermisPanel, bpy.types.Panel):
         title = choices.title("materials", material.preset)
         editable(self.layout, context.object)
         preset(self.layout, "materials", "dermis.choose_material", title)
-        properties(self.layout, material, "friction")
-        self.layout.prop(material, "surface_stiffness_mpa_m")  # over the whole width: its unit would be cut off
-        properties(self.layout, material, "curved")
+        properties(self.layout, material, "friction", "surface_stiffness_mpa_m", "curved")
 
 
 class _Effect(DermisPanel):

@@ -18,7 +18,7 @@ class DERMIS_MT_add(bpy.types.Menu):
         layout = self.layout
         layout.operator_context = "INVOKE_REGION_WIN"
         layout.operator("dermis.add_finger", text="Finger", icon="VIEW_PAN")
-        layout.operator("dermis.attach_fingers", text="Fingers on Hand", icon="BONE_DATA")
+        layout.operator("dermis.attach_fingers", icon="BONE_DATA")
         layout.operator("dermis.add_screen", text="Touch Screen", icon="DESKTOP")
         layout.separator()
         layout.operator("dermis.demo_scene", text="Demo Scene", icon="SCENE_DATA")
@@ -76,7 +76,7 @@ class DERMIS_MT_materials(bpy.types.Menu):
                 text = f"{entry.name}{' (yours)' if entry.user else ''}"
                 layout.operator("dermis.make_touchable", text=text, icon="MATERIAL").preset = entry.key
         layout.separator()
-        layout.operator("dermis.make_touchable", text="By Hand", icon="OPTIONS").preset = ""
+        layout.operator("dermis.make_touchable", text="Own Values", icon="OPTIONS").preset = ""
         _broken(layout, [e for e in choices.entries("materials") if e.error is not None])
 
 

@@ -10,7 +10,7 @@ from ..layouts import editable, own_presets, paragraph, properties, role
 from ..polls import finger_at_hand, needs
 from ..sampling import height_maps
 from . import design, thimble
-from .main import DermisPanel, attach_button
+from .main import DermisPanel, attach_button, chosen
 
 ICONS = {"FINGER": "VIEW_PAN", "TOUCHABLE": "MATERIAL", "SCREEN": "DESKTOP", "NONE": "OBJECT_DATA"}
 
@@ -247,7 +247,7 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
                 properties(layout, device, *(core.parameters.device.DEVICE[row].saved for row in rows))
 
 
-@needs(lambda context: role(context) == "FINGER")
+@needs(lambda context: chosen(context, "tactor"))
 class DERMIS_PT_pattern(DermisPanel, bpy.types.Panel):
     """A finger's own cue."""
 

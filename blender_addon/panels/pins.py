@@ -6,10 +6,12 @@ from ..layouts import paragraph
 from ..polls import needs
 from ..results import pin_reports
 from ..viewport import shown
-from .main import DermisPanel
+from .main import DermisPanel, chosen
 
 
-@needs(lambda context: shown.active_device(context.scene, context.object, "pins") is not None)
+@needs(
+    lambda context: chosen(context, "pins") and shown.active_device(context.scene, context.object, "pins") is not None
+)
 class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
     """Calibration and comparison."""
 
@@ -20,9 +22,9 @@ class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the personal factor and the table."""
         layout, obj = self.layout, context.object
-        row = layout.row(align=True)
-        row.operator("dermis.press_test", icon="FORCE_FORCE")
-        row.prop(obj.dermis.finger.skin, "alpha", text="")
+        column = layout.column(align=True)
+        column.operator("dermis.press_test", icon="FORCE_FORCE")
+        column.prop(obj.dermis.finger.skin, "alpha")
         fit = pin_reports.calibrated.get(obj.session_uid)
         if fit is not None and abs(fit.alpha - obj.dermis.finger.skin.alpha) < 1e-6:
             known = f" ± {fit.standard_error:.3f}" if fit.standard_error == fit.standard_error else ""
@@ -30,19 +32,25 @@ class DERMIS_PT_pins(DermisPanel, bpy.types.Panel):
         layout.operator("dermis.compare_pins", icon="SPREADSHEET")
         reports = pin_reports.shown(context.scene, obj)
         if not reports:
-            text = "After a bake: how far the skin would be from the target under each method."
+            text = "After a bake, this button computes the error of each method."
             paragraph(layout, context, text, "INFO")
             return
         grid = layout.grid_flow(row_major=True, columns=4, even_columns=False, align=True)
-        for text in ("", "mm off", "of target", "shear / N"):
+        for text in ("", "error mm", "error %", "shear/N"):
             grid.label(text=text)
         for report in reports:
             grid.label(text=report.method)
             grid.label(text=f"{1e3 * report.displacement_error:.2f}")
-            grid.label(text=f"{100 * report.displacement_share:.0f} %")
+            grid.label(text=f"{100 * report.displacement_share:.0f}")
             grid.label(text=f"{report.shear_ratio:.2f}")
         first = reports[0]
-        layout.label(text=f"Wanted: {first.target_normal:.2f} N, shear / N {first.target_ratio:.2f}")
+        layout.label(text=f"Target: {first.target_normal:.2f} N, shear/N {first.target_ratio:.2f}")
+        paragraph(
+            layout,
+            context,
+            "Shear/N: shear force divided by normal force. DM matches the deformation, FM the forces. With 0, pins may "
+            "also pull, which they cannot.",
+        )
         for finding in pin_reports.doubts(context.scene, obj):
             paragraph(layout, context, f"{finding.what}. {finding.remedy}.", "ERROR")
 

@@ -8,12 +8,19 @@ from ..preview import rows
 from ..quantities import quantity
 from ..viewport import shown
 from . import summary
-from .main import DermisPanel
+from .main import DermisPanel, style_of
 
 
 def _rows(context: bpy.types.Context) -> "tuple[rows.Row, ...]":
     now = shown.now(context.scene)
     return now.devices.rows if now is not None and now.devices is not None else ()
+
+
+def _tactor(scene: bpy.types.Scene) -> bool:
+    """Return whether a finger wears a shear tactor."""
+    fingers = (scene.objects.get(name) for name in summary.of(scene).fingers)
+    worn = (device for obj in fingers if obj is not None for device in obj.dermis.finger.devices)
+    return any(device.enabled and style_of(device.preset) == "tactor" for device in worn)
 
 
 @needs(lambda context: summary.of(context.scene).fingers)
@@ -35,7 +42,7 @@ class DERMIS_PT_preview(DermisPanel, bpy.types.Panel):
         fold.prop(
             settings, "fold_cards", toggle=True, text="", icon="TRIA_RIGHT" if settings.fold_cards else "TRIA_DOWN"
         )
-        if settings.show_twin:
+        if settings.show_twin and _tactor(context.scene):  # it enlarges nothing else
             layout.prop(settings, "twin_exaggeration", slider=True)
         there = summary.of(context.scene)
         if not there.touchables and not there.screens:
@@ -55,7 +62,7 @@ class DERMIS_PT_preview_values(DermisPanel, bpy.types.Panel):
 
     bl_idname = "DERMIS_PT_preview_values"
     bl_parent_id = "DERMIS_PT_preview"
-    bl_label = "Values"
+    bl_label = "Device Values"
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:

@@ -67,11 +67,11 @@ def skin_and_mismatch(layout: Any, context: bpy.types.Context, obj: bpy.types.Ob
         paragraph(layout, context, trouble, "ERROR")
     elif mine is not None and "mismatch" in mine.signals:
         touching = mine.contact is None or mine.contact > 0.5
-        text = f"Mismatch now: {100 * mine.signals['mismatch']:.0f} % of the target" if touching else "In the air"
+        text = f"Error of the match: {100 * mine.signals['mismatch']:.0f} %" if touching else "In the air"
         column = layout.column(align=True)
         column.label(text=text, icon="ARROW_LEFTRIGHT")
         if touching and "stress_error" in mine.signals:
-            column.label(text=f"Whole stress: {100 * mine.signals['stress_error']:.0f} % off", icon="BLANK1")
+            column.label(text=f"Stress in all tissue: {100 * mine.signals['stress_error']:.0f} %", icon="BLANK1")
 
 
 def floor(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:

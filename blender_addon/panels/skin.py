@@ -100,7 +100,7 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
         self.layout.prop(context.scene.dermis.skin_view, "show", text="")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the quantity, its range, and the error of the tissue model."""
+        """Draw the quantity, its range, and the error of stress of the tissue."""
         layout, scene = self.layout, context.scene
         view = scene.dermis.skin_view
         column = properties(layout, view, "quantity", keys=False)
@@ -118,8 +118,9 @@ class DERMIS_PT_skin_view(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, "Move along the timeline to see the state of the skin.")
         if states:
             beyond = any(s.too_deep or s.too_far for s in states)
-            text = skin_field.error_text(states)
-            paragraph(layout, context, text[:1].upper() + text[1:], "ERROR" if beyond else "INFO")
+            text = "; ".join(skin_field.error_lines(states))
+            if text:  # all errors are in Details
+                paragraph(layout, context, text[:1].upper() + text[1:], "ERROR" if beyond else "INFO")
 
 
 @needs(lambda context: bool(_states(context)))
@@ -127,7 +128,7 @@ class DERMIS_PT_skin_values(DermisPanel, bpy.types.Panel):
     """Forces on each pad, in figures."""
 
     bl_idname = "DERMIS_PT_skin_values"
-    bl_label = "Values"
+    bl_label = "Skin Values"
     bl_parent_id = "DERMIS_PT_skin_view"
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -158,7 +159,7 @@ class DERMIS_PT_skin_style(DermisPanel, bpy.types.Panel):
 
 
 class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
-    """Counts of solved, skipped and not converged frames."""
+    """All errors of the model, and counts of solved, skipped and not converged frames."""
 
     bl_idname = "DERMIS_PT_skin_work"
     bl_label = "Details"
@@ -166,8 +167,11 @@ class DERMIS_PT_skin_work(DermisPanel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the counters of each finger."""
+        """Draw the errors, then the counters of each finger."""
         column = self.layout.column(align=True)
+        if made := [state for state in _states(context) if state.model is not None]:
+            text = skin_field.error_text(made)
+            paragraph(column, context, f"{text[:1].upper()}{text[1:]}.", "INFO")
         for state in _states(context):
             column.label(text=state.finger)
             for name, count in state.counters.items():

@@ -10,7 +10,7 @@ import bpy
 
 from .. import choices
 from .._core import core
-from ..layouts import paragraph
+from ..layouts import paragraph, properties
 from ..polls import needs
 from ..quantities import quantity
 from ..streaming import board_identity, built_devices, calibration_offers, session, stream_log, streamed_track
@@ -124,7 +124,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             box = layout.box().column(align=True)
             box.scale_y = 0.85
             for line in said:
-                box.label(text=line)
+                paragraph(box, context, line, inset=16.0)  # the name of a log is longer than a line
         if now.get("rate"):
             box = layout.box().column(align=True)
             box.scale_y = 0.85
@@ -211,9 +211,7 @@ class DERMIS_PT_stream_log(DermisPanel, bpy.types.Panel):
         layout.prop(settings, "use_log")
         layout.prop(settings, "log_folder")
         layout.prop(settings, "log_format")
-        column = layout.column(align=True)
-        column.prop(settings, "log_size_mb")
-        column.prop(settings, "log_total_mb")
+        properties(layout, settings, "log_size_mb", "log_total_mb", keys=False)
         layout.prop(settings, "tee", placeholder="udp://127.0.0.1:9000")
 
 

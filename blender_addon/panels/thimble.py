@@ -10,7 +10,7 @@ from ..layouts import paragraph, properties
 from ..polls import needs
 from ..viewport import shown
 from . import searched
-from .main import DermisPanel
+from .main import DermisPanel, chosen
 
 
 def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
@@ -27,7 +27,11 @@ def settings(layout: Any, context: bpy.types.Context, device: Any) -> None:
         paragraph(layout, context, "Turn the servos, in the Stream panel, until the disc is first felt.", "INFO")
 
 
-@needs(lambda context: shown.active_device(context.scene, context.object, "thimble") is not None)
+@needs(
+    lambda context: (
+        chosen(context, "thimble") and shown.active_device(context.scene, context.object, "thimble") is not None
+    )
+)
 class DERMIS_PT_thimble(DermisPanel, bpy.types.Panel):
     """Method, adaptation, mismatch and display."""
 

@@ -38,13 +38,15 @@ def origin(first: float, since: float | None, *, begins: bool) -> str:
         begins: whether this is the frame at rest itself.
     """
     if since is not None:
-        return f"live, from the state kept at frame {since:g}"
-    return f"live, from rest at frame {first:g}" + (": play or step forward" if begins else "")
+        return f"live: continued from frame {since:g}"
+    return (
+        f"live: frame {first:g} alone, without earlier contact" if begins else f"live: computed from frame {first:g} on"
+    )
 
 
 def as_it_was(note: str) -> str:
     """Return the view's words on a live frame that is shown once more."""
-    return note.replace("live, from", "live, as it was played from")
+    return note.replace("live: ", "live, as played: ", 1)
 
 
 @dataclass(frozen=True)

@@ -37,6 +37,14 @@ _SHOWN: dict[str, dict[str, str]] = {
     "rad": {"subtype": "ANGLE"},
     "1": {},
 }
+# The papers that rows name as sources. One is named by its title.
+_PAPERS = {
+    "[S0]": "Verschoor et al. 2020",
+    "[S1]": "Deformation Matching",
+    "[S2]": "Pacchierotti et al. 2018",
+    "[S3]": "Girard et al. 2016",
+    "[S4]": "Kim et al. 2013",
+}
 _WRITTEN = {"1/(m/s)": "s/m", "1/(m/s^2)": "s²/m", "MPa/m": "kPa/mm"}
 
 
@@ -87,11 +95,12 @@ def declare_one(
     """Return a parameter as a property; it can be animated if its row is `keyed`."""
     common: dict[str, Any] = {"description": row.text, "update": update, "override": override}
     if row.source.startswith("["):
-        common["description"] += f" ({row.source})"
+        common["description"] += f" ({cited(row.source)})"
     if not row.keyed:
         common["options"] = set()
     if row.choices:
-        return EnumProperty(name=row.label, items=row.choices, default=row.default, **common)
+        items = tuple((key, label, cited(text)) for key, label, text in row.choices)
+        return EnumProperty(name=row.label, items=items, default=row.default, **common)
     if row.unit == core.parameters.parameter.SWITCH:
         return BoolProperty(name=row.label, default=row.default, **common)
     if row.unit == core.parameters.parameter.TEXT:
@@ -115,6 +124,13 @@ def declare_one(
         **(shown or {}),
         **common,
     )
+
+
+def cited(text: str) -> str:
+    """Return a text with names of papers in place of the keys of their list: '[S3] eq. 3' names authors and year."""
+    for key, paper in _PAPERS.items():
+        text = text.replace(f"{key} ", f"{paper}, ").replace(key, paper)
+    return text
 
 
 def switch(name: str, text: str, default: bool, update: Update = touched) -> Any:

@@ -64,14 +64,15 @@ def line(state: SkinState, place: Box, scale: float) -> None:
     """Draw a pad's name, forces and depth in one line."""
     paint.rectangle(*place, paint.PANEL)
     x, y, width = place.left + 9 * scale, place.bottom + 0.3 * place.height, place.width - 18 * scale
-    paint.text(state.finger, x, y, paint.INK, scale, width=0.4 * width, shorter=_shorter(state))
     words, colour = "in the air", paint.FAINT
     if state.model is None:
         words, colour = "no skin", paint.ORANGE
     elif state.touching:
         words = f"N {force(state.normal_force)}  T {force(state.tangential_force)}  {1e3 * state.depth:.2f} mm"
         colour = paint.INK if state.converged and not (state.too_deep or state.too_far) else paint.ORANGE
-    paint.text(words, x + width, y, colour, scale, align=1.0)
+    said = paint.text(words, x + width, y, colour, scale, align=1.0)
+    room = width - said - 9 * scale
+    paint.text(state.finger, x, y, paint.INK, scale, width=room, shorter=_shorter(state))
 
 
 def _shorter(state: SkinState) -> list[str]:
@@ -149,7 +150,7 @@ class Legend(NamedTuple):
         """
         deep = any(s.too_deep or s.too_far for s in now.states)
         noted = next((s for s in now.states if s.note not in ("", said) and s.work != "rendered"), None)
-        off = paint.wrapped(skin_field.error_text(now.states), LETTERS) if full else []
+        off = skin_field.error_lines(now.states) if full else []
         own = "skin: " if said else ""  # the note of the devices, shown elsewhere, may name another frame
         note = paint.wrapped(own + noted.note, LETTERS) if noted is not None and full else []
         return cls(off, deep, note, noted.source if noted is not None else "")

@@ -384,10 +384,40 @@ def nice(value: float) -> float:
     return next(float(f"{m * power:.3g}") for m in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if m * power >= value * (1 - 1e-9))
 
 
-def error_text(states: Sequence[SkinState]) -> str:
-    """Return the legend's text on the errors of a frame's skins.
+def error_lines(states: Sequence[SkinState]) -> list[str]:
+    """Return the legend's lines on the error of stress of a frame's skins, one for each tissue that is shown.
 
-    It gives the errors of each tissue, and of contact if a skin is pressed.
+    A second line says where a tissue is beyond the range in which it is trusted. A skin that is still being made
+    has no line.
+    """
+    lines = []
+    for tissue in dict.fromkeys(s.tissue for s in states if s.model is not None):
+        own = [s for s in states if s.model is not None and s.tissue == tissue]
+        name, deepest = core.contact.trusted.WORDS[tissue], max(own, key=lambda s: s.depth)
+        touching = deepest.depth > 0.0
+        at = (deepest.depth, deepest.slide) if touching else (1e-3, 0.0)
+        off = _percent(core.parameters.error_bands.error_band(tissue, *at).stress.median)
+        lines.append(f"{name} skin: stress about {off} off" if touching else f"{name} skin: stress {off} off at 1 mm")
+        if beyond := _beyond(deepest):
+            lines.append(beyond)
+    return lines
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share >= 5e-3 else "below 1 %"
+
+
+def _beyond(state: SkinState) -> str:
+    """Return in words that a skin is pressed or dragged beyond the range in which its tissue is trusted, or ''."""
+    if state.too_deep:
+        return "deeper than it is trusted"
+    return "dragged farther than it is trusted" if state.too_far else ""
+
+
+def error_text(states: Sequence[SkinState]) -> str:
+    """Return a text on all errors of a frame's skins.
+
+    It gives the errors of each tissue and of its mesh, and of contact if a skin is pressed.
     """
     tissues = list(dict.fromkeys(s.tissue for s in states)) or ["linear"]
     said = [_tissue_text(tissue, [s for s in states if s.tissue == tissue]) for tissue in tissues]
@@ -409,17 +439,17 @@ def _tissue_text(tissue: str, states: Sequence[SkinState]) -> str:
     if deepest is None or deepest.depth <= 0.0:
         shallow, deep = (100 * bands.error_band(tissue, depth).stress.median for depth in (1e-3, 2e-3))
         said = f"{name} skin: stress about {shallow:.0f} % off at 1 mm, {deep:.0f} % at 2 mm (simulated)"
-        return said + _mesh_text(tissue)
+        return said + _mesh_text(tissue, deepest)
     band = bands.error_band(tissue, deepest.depth, deepest.slide)
     place = f"{1e3 * deepest.depth:.2f} mm" + (f", {1e3 * deepest.slide:.1f} mm dragged" if deepest.dragged else "")
-    beyond = ": deeper than it is trusted" if deepest.too_deep else ""
-    beyond = ": dragged farther than it is trusted" if deepest.too_far and not beyond else beyond
-    stress, force = (f"{100 * one.median:.0f} %" if one.median >= 5e-3 else "below 1 %" for one in band)
-    return f"{name} skin: stress about {stress} off, force {force}, at {place} (simulated){beyond}" + _mesh_text(tissue)
+    beyond = f": {_beyond(deepest)}" if _beyond(deepest) else ""
+    stress, force = (_percent(one.median) for one in band)
+    said = f"{name} skin: stress about {stress} off, force {force}, at {place} (simulated){beyond}"
+    return said + _mesh_text(tissue, deepest)
 
 
-def _mesh_text(tissue: str) -> str:
-    """Return a text on the error of stress that the standard mesh alone causes.
+def _mesh_text(tissue: str, state: SkinState | None) -> str:
+    """Return a text on the error of stress that the standard mesh alone causes, and on the size of the shown mesh.
 
     '' for linear tissue.
     """
@@ -427,4 +457,8 @@ def _mesh_text(tissue: str) -> str:
     if tissue == bands.LINEAR:
         return ""
     deep = max(bands.MESH_STRESS)
-    return f"; for the standard mesh {100 * bands.MESH_STRESS[deep]:.0f} % at 2 mm, {1e3 * deep:g} mm below the skin"
+    said = f"; the standard mesh ({core.parameters.skin.TETRAHEDRA['standard']} tetrahedra) alone"
+    said += f" {100 * bands.MESH_STRESS[deep]:.0f} % at 2 mm, {1e3 * deep:g} mm below the skin"
+    if state is not None and state.model is not None:
+        said += f", this mesh has {len(state.model.mesh.tetrahedra):,}"
+    return said

@@ -159,9 +159,8 @@ def contacts(pins: PinLayout, vertices: Array, triangles: NDArray[np.integer]) -
             Finding(
                 "warning",
                 "pin-stroke",
-                "pins need more than their stroke to reach the skin",
+                f"pins must move up to {1e3 * np.abs(travel[short]).max():.2f} mm from mid stroke to reach the skin",
                 where="pin array",
-                value=f"{1e3 * np.abs(travel[short]).max():.2f} mm from mid stroke",
                 limit=f"{1e3 * pins.stroke / 2:.2f} mm",
                 remedy=f"Pins {_names(np.flatnonzero(short))}: move the standoff or the mounting angle",
                 count=int(short.sum()),

@@ -6,7 +6,7 @@ Source: [S1] III and IV
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -154,8 +154,10 @@ def render(
     values = interpolate(skin.times, forces, np.minimum(times + lead, skin.times[-1]))
     values = values * _fade(times, *fades)[:, None]
     signals = {name: interpolate(skin.times, s[:, None], times)[:, 0] for name, s in series.items()}
-    coarse = pin_resolution.doubts(ready.matcher, ready.distribution, (method,), "pin array")
-    findings = [*ready.met.findings, *coarse, *_findings(series, ready, matched, skin.frames)]
+    where = f"finger '{scene.fingers[finger].name}', pin array"
+    met = [replace(finding, where=where) for finding in ready.met.findings]  # a setup is shared by fingers
+    coarse = pin_resolution.doubts(ready.matcher, ready.distribution, (method,), where)
+    findings = [*met, *coarse, *_findings(series, ready, matched, skin.frames, where)]
     meta["worst_kkt"] = f"{matched.worst:.2g}"
     return Rendered(CommandTrack(spec, times, values, meta), signals, tuple(findings), skipped)
 
@@ -291,7 +293,7 @@ def _fade(times: Array, fade_in: float, fade_out: float) -> Array:
     return gain
 
 
-def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frames: Array) -> list[Finding]:
+def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frames: Array, where: str) -> list[Finding]:
     found = []
     limited = np.flatnonzero(series["at_limit"])
     if len(limited):
@@ -300,7 +302,7 @@ def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frame
                 "info",
                 "pins-at-limit",
                 "pins are at their force limit, so the target deformation is not reached",
-                "pin array",
+                where,
                 f"up to {int(series['at_limit'].max())} pins",
                 f"{ready.pins.force_limit.max():g} N a pin",
                 "Check how large the displacement error is, or touch less deeply",
@@ -310,7 +312,7 @@ def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frame
         )
     if matched.unsolved:
         what = "pin forces are not optimal"
-        found.append(Finding("warning", "pins-not-converged", what, "pin array", count=matched.unsolved))
+        found.append(Finding("warning", "pins-not-converged", what, where, count=matched.unsolved))
     astray = np.flatnonzero(matched.unsettled)
     if len(astray):
         found.append(
@@ -319,7 +321,7 @@ def _findings(series: dict[str, Array], ready: PinSetup, matched: Matched, frame
                 "law-unsettled",
                 "the neo-Hookean law did not converge under the pins: in frames with a remaining error "
                 f"above {100 * USABLE:g} %, displacement and stress errors are those of linear tissue",
-                "pin array",
+                where,
                 f"remaining error: {100 * min(float(matched.unsettled.max()), 1.0):.0f} % of the forces",
                 f"convergence within {MOST_LOOKS} evaluations of the law",
                 "Use DM2 or FM2, which keep within the limits of the pins, or touch less deeply",

@@ -19,7 +19,7 @@ def _texture_amplitude(name: str, axis: str) -> Parameter:
         name=name,
         unit="1",
         label=f"Amplitude {axis}",
-        text=f"Part of the device's range, for movement along the object's {axis}",
+        text=f"Share of the device's range, for movement along the object's {axis}",
         default=0.4,
         absent=0.0,
         low=0.0,
@@ -64,7 +64,7 @@ MATERIAL = table(
         unit="Pa/m",
         label="Surface Stiffness",
         text="Stiffness of the object's surface in contact with simulated skin: pressure per depth of "
-        "indentation (1 MPa/m is 1 kPa per mm). 0 is rigid. Skin itself has about 17 MPa/m",
+        "indentation (1 MPa/m is 1 kPa/mm). 0 means rigid. For comparison: skin has about 17 kPa/mm",
         default=0.0,
         low=0.0,
         high=1e15,
@@ -279,7 +279,7 @@ MATERIAL = table(
         text="Condition for the object to count as held; weight and content are rendered while it is held",
         default="auto",
         choices=(
-            ("auto", "By Opposed Fingers", "While two fingers touch it from opposite sides"),
+            ("auto", "By Two Fingers", "While two fingers touch it from opposite sides"),
             ("keyed", "Keyframed", "While the switch below is on"),
             ("never", "Never", "It is never held"),
         ),

@@ -167,7 +167,7 @@ SKIN_CONTACT = table(
         choices=(
             (
                 "points",
-                "As Fine as the Touch",
+                "Points on the Skin",
                 "On points of the smooth skin, 0.8 mm apart on flat surfaces and down to 0.1 mm under edges, ribs and "
                 "small balls; what fingers hold together stays on the mesh's nodes. Force off by at most, "
                 f"where pressed: {FORCE_ERRORS['points']}",
@@ -192,7 +192,7 @@ SKIN_CONTACT = table(
         choices=(
             (
                 "way",
-                "As Far as It Moves",
+                "Steps of Movement",
                 "Where the finger goes straight on over surfaces that are flat or have no radius below 5 mm, a few "
                 "samples at once: at most 0.2 mm and 1/60 s. Forces between lie on a line, within 1 % of those "
                 "of every sample solved; up to twice as fast",

@@ -1,6 +1,6 @@
 """Picture of a pin array's track: six maps above curves of two forces.
 
-The maps show the pins at six moments. The curves are the total force and the force of the hardest pressing pin. A map
+The maps show the pins at six moments. The curves are the total force and the largest force of a pin. A map
 shows the array as its wearer would see it through the nail. Rows run along the finger with the tip up, columns from
 left to right. Each pin is a disc whose area and colour show its force.
 """
@@ -18,7 +18,7 @@ from .canvas import Canvas
 MAPS, MAP_HEIGHT, GAP, PANEL, FOOT = 6, 90.0, 46.0, 136.0, 44.0
 HEIGHT = MAP_HEIGHT + GAP + PANEL + FOOT  # [points]
 COLD, HOT = np.array([0x2F, 0x6F, 0xB2]), np.array([0xD9, 0x4B, 0x2B])
-LINES = (("total", "#1f6fb2"), ("hardest pin", "#b0661a"))
+LINES = (("total", "#1f6fb2"), ("largest pin force", "#b0661a"))
 
 
 def draw(

@@ -503,9 +503,9 @@ def test_the_panel_tells_the_reading_and_offers_the_next_best() -> None:
     bpy.ops.dermis.attach_fingers("EXEC_DEFAULT", True)
     told = bpy.context.window_manager.operators[-1].told.splitlines()
     assert told == [
-        f"Right hand: reading 1 of {len(best.readings)}",
+        f"Right hand: interpretation 1 of {len(best.readings)}",
         "By branches; names agree for 0 of 5 fingers",
-        f"Next: {best.difference(second)}",
+        f"Interpretation 2: {best.difference(second)}",
     ]
     for obj in fingers().values():
         bpy.data.objects.remove(obj)
@@ -529,7 +529,7 @@ def test_fingers_are_called_as_the_panel_says_in_every_reading(naming: str, side
         assert {obj.name for obj in fingers().values()} == rows, number
         (own,) = {tip.side for tip in operator.tips}
         which = {"L": "Left", "R": "Right"}[own]
-        assert operator.told.startswith(f"{which} hand: reading {number} of {len(hand_found.readings)}")
+        assert operator.told.startswith(f"{which} hand: interpretation {number} of {len(hand_found.readings)}")
         for obj in fingers().values():
             bpy.data.objects.remove(obj)
 

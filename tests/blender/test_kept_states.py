@@ -54,9 +54,9 @@ def test_a_thimble_goes_on_from_a_kept_state_and_is_shown_as_it_was() -> None:
 
     seen, _ = played(*range(28, 31))
     back, note = played(31, 32, 34, 36, 33)
-    assert note == "live, from the state kept at frame 31"
+    assert note == "live: continued from frame 31"
     again, note = played(30)
-    assert note == "live, as it was played from rest at frame 28" and np.array_equal(again, seen)
+    assert note == "live, as played: computed from frame 28 on" and np.array_equal(again, seen)
     device_preview.reset()
     skin_preview.reset()
     thimble_preview.reset()

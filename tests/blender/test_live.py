@@ -83,14 +83,14 @@ def test_live_goes_on_forward_and_starts_anew_or_from_a_kept_state_after_a_jump(
         note = device_preview.step(bpy.context).note
         return device_preview._live.trail.taken, note
 
-    assert at(3) == (1, "live, from rest at frame 3: play or step forward")
-    assert at(4) == (2, "live, from rest at frame 3")
-    assert at(6) == (3, "live, from rest at frame 3")  # playback may drop a frame
-    assert at(5) == (2, "live, from the state kept at frame 3")  # back
-    assert at(7) == (3, "live, from rest at frame 3")
-    assert at(20) == (1, "live, from rest at frame 20: play or step forward")  # a jump
+    assert at(3) == (1, "live: frame 3 alone, without earlier contact")
+    assert at(4) == (2, "live: computed from frame 3 on")
+    assert at(6) == (3, "live: computed from frame 3 on")  # playback may drop a frame
+    assert at(5) == (2, "live: continued from frame 3")  # back
+    assert at(7) == (3, "live: computed from frame 3 on")
+    assert at(20) == (1, "live: frame 20 alone, without earlier contact")  # a jump
     bpy.data.objects["Cube"].dermis.material.weight_gravity += 0.01
-    assert at(5) == (1, "live, from rest at frame 5: play or step forward")  # what was kept holds no more
+    assert at(5) == (1, "live: frame 5 alone, without earlier contact")  # what was kept holds no more
 
 
 def test_where_another_device_takes_a_ones_place_the_trail_begins_anew() -> None:
@@ -106,7 +106,7 @@ def test_where_another_device_takes_a_ones_place_the_trail_begins_anew() -> None
     changes.mark_dirty("Reader")  # as the button does
     bpy.context.view_layer.update()
     after = device_preview.step(bpy.context)
-    assert after.note == "live, from rest at frame 59: play or step forward"
+    assert after.note == "live: frame 59 alone, without earlier contact"
     assert [row.device for row in after.rows if row.finger == "Reader"] == ["haptip"]
 
 
@@ -123,7 +123,7 @@ def test_from_a_kept_state_devices_do_what_they_do_when_played_from_there(holdin
         return np.array(list(shown.rows[0].values.values()))
 
     back = played(*range(1, 13), *range(14, 25, 2), 13)
-    assert device_preview._live.preview.note == "live, from the state kept at frame 10"
+    assert device_preview._live.preview.note == "live: continued from frame 10"
     device_preview.reset()
     assert np.array_equal(back, played(*range(1, 11), 13))
     device_preview.reset()
@@ -142,12 +142,12 @@ def test_frames_that_were_visited_are_shown_as_they_were_until_something_changes
     for frame in (5, 4, 7):
         shown = at(frame)
         assert shown.frame == frame and shown.rows[0].values["tactor_y"] == seen[frame]
-        assert shown.note == "live, as it was played from rest at frame 3"
+        assert shown.note == "live, as played: computed from frame 3 on"
         assert device_preview._live.trail is trail and trail.taken == 6
-    assert at(9).note == "live, from rest at frame 3" and trail.taken == 7  # and from where it ended it goes on
+    assert at(9).note == "live: computed from frame 3 on" and trail.taken == 7  # and from where it ended it goes on
     bpy.data.objects["Finger"].location.x += 1e-4
     bpy.context.view_layer.update()
-    assert at(5).note == "live, from rest at frame 5: play or step forward"
+    assert at(5).note == "live: frame 5 alone, without earlier contact"
 
 
 def test_dragging_a_finger_by_hand_is_followed_at_once(holding: bpy.types.Scene) -> None:
@@ -249,10 +249,10 @@ def test_where_a_skin_is_solved_devices_are_shown_as_they_were_with_it(holding: 
     holding.frame_set(4)
     views.on_frame(holding)
     now = views.now(holding)
-    assert now.devices.note == "live, as it was played from rest at frame 3"
+    assert now.devices.note == "live, as played: computed from frame 3 on"
     assert now.skins.states[0].note.startswith(now.devices.note)
     holding.frame_set(20)
     views.on_frame(holding)
     now = views.now(holding)
-    assert now.devices.note == "live, from rest at frame 20: play or step forward"
+    assert now.devices.note == "live: frame 20 alone, without earlier contact"
     assert now.skins.states[0].note.startswith(now.devices.note)

@@ -175,7 +175,7 @@ def test_the_tab_reads_from_top_to_bottom() -> None:
         "How Many Motors?",
     ]
     folded = {c.bl_label for c in panels.CLASSES if "DEFAULT_CLOSED" in getattr(c, "bl_options", ())}
-    assert {"Details", "Values", "Settings", "Export", "Stream", "How Many Motors?"} <= folded
+    assert {"Details", "Device Values", "Skin Values", "Settings", "Export", "Stream", "How Many Motors?"} <= folded
 
 
 def test_a_preset_has_a_name_before_presets_were_read() -> None:

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import choices
+from blender_addon import choices, panels, reporting
 from blender_addon._core import core
 from blender_addon.demos import demo_pins
 from blender_addon.preferences import library
@@ -16,6 +16,8 @@ from blender_addon.results import pin_reports, store
 from blender_addon.viewport import pin_card, pin_twin
 from blender_addon.viewport import shown as views
 from core.scene.sliding import sliding_plane
+
+from .stand_in import Anything, Panel
 
 
 @pytest.fixture
@@ -101,6 +103,19 @@ def test_methods_are_compared_for_the_bake_at_hand(demo) -> None:
     finger.dermis.finger.devices[0].pin_method = "FM2"
     bake(demo)
     assert not pin_reports.shown(demo, finger) and not pin_reports.doubts(demo, finger)  # of another bake
+
+
+def test_the_result_counts_the_samples_at_a_limit_and_findings_name_the_finger(demo) -> None:
+    demo.objects["Index"].dermis.finger.skin.young_kpa = 250.0  # so stiff that pins need more than their 0.4 N
+    output = bake(demo).bake.outputs[0]
+    layout = Anything()
+    Panel(panels.bake.DERMIS_PT_result, layout).draw(bpy.context)
+    count = int(np.count_nonzero(output.signals["at_limit"]))
+    assert count > 0 and f"{count:,} samples at a limit" in layout.words
+    ours = [finding for finding in output.findings if "pin array" in finding.where]
+    assert ours and {finding.where for finding in ours} == {"finger 'Index', pin array"}
+    reporting.show(ours)
+    assert reporting.about(reporting.findings()[0], demo) == demo.objects["Index"]
 
 
 def test_a_finger_that_touched_nothing_is_refused_by_name(demo) -> None:

@@ -224,10 +224,10 @@ def test_the_live_preview_goes_on_by_seconds_of_playback(timing: Timing) -> None
     for frame in (timing.first, timing.first + step):
         scene.frame_set(frame)
         (state,) = skin_preview.step(bpy.context)
-    assert state.note.startswith(f"live, from rest at frame {timing.first}") and "step forward" not in state.note
+    assert state.note.startswith(f"live: computed from frame {timing.first} on") and "alone" not in state.note
     scene.frame_set(timing.first + step + int(0.3 * timing.rate))
     (state,) = skin_preview.step(bpy.context)
-    assert "play or step forward" in state.note or "kept" in state.note
+    assert "alone" in state.note or "continued" in state.note
 
 
 @pytest.mark.parametrize(("name", "value"), [("frame_map_new", 200), ("fps", 30), ("fps_base", 1.001)])

@@ -335,8 +335,9 @@ def test_a_head_that_does_not_fit_says_less_and_is_not_cut(monkeypatch) -> None:
         assert made.words[-1] == head
     for finger, work, head in (("Index: thimble", "rendered", "thimble"), ("A finger: its name", "idle", "A finge…")):
         state = skin_state.SkinState(finger, None, np.zeros((0, 3)), work=work)
-        skin_cards.line(state, packing.Box(0.0, 0.0, 18.0 + 8 * letter / 0.4, 22.0), 1.0)
-        assert made.words[-2] == head
+        room = (len("no skin") + 8) * letter
+        skin_cards.line(state, packing.Box(0.0, 0.0, room + 3 * 9.0, 22.0), 1.0)
+        assert made.words[-2:] == ["no skin", head]  # beside what is said of it, not below
 
 
 def test_both_errors_of_a_rendered_skin_are_told_in_full(monkeypatch) -> None:

@@ -125,12 +125,12 @@ def test_what_grows_under_a_resting_finger_drags_its_skin(how: str) -> None:
 def test_a_jump_starts_from_rest_and_says_so(pressing: bpy.types.Scene) -> None:
     for frame in range(1, 13):
         along = at(pressing, frame)
-    assert along.note == "live, from rest at frame 1"
+    assert along.note == "live: computed from frame 1 on"
     jumped = at(pressing, 25)
-    assert "from rest at frame 25: play or step forward" in jumped.note
+    assert "frame 25 alone, without earlier contact" in jumped.note
     skin_preview.reset()
     again = at(pressing, 12)
-    assert again.note.startswith("live, from rest at frame 12")
+    assert again.note.startswith("live: computed from frame 12 on")
     # without the slide in its past the skin is not dragged along
     assert again.tangential_force < 0.2 * along.tangential_force
 
@@ -140,20 +140,20 @@ def test_a_frame_that_was_visited_is_shown_as_it_was_until_something_changes(pre
     for frame in (7, 3, 11):
         again = at(pressing, frame)
         assert np.array_equal(again.force, played[frame].force)
-        assert again.note == "live, as it was played from rest at frame 1"
+        assert again.note == "live, as played: computed from frame 1 on"
         assert again.counters == played[frame].counters  # nothing was solved for it
-    assert at(pressing, 13).note == "live, from rest at frame 1"  # and from where it ended it goes on
+    assert at(pressing, 13).note == "live: computed from frame 1 on"  # and from where it ended it goes on
     changes.mark_dirty("something")
-    assert "from rest at frame 7: play or step forward" in at(pressing, 7).note
+    assert "frame 7 alone, without earlier contact" in at(pressing, 7).note
 
 
 def test_a_jump_goes_on_from_the_nearest_kept_state_as_if_played_from_there(pressing: bpy.types.Scene) -> None:
     for frame in (*range(1, 9), 10, 12):
         at(pressing, frame)
     back = at(pressing, 9)
-    assert back.note == "live, from the state kept at frame 7"
+    assert back.note == "live: continued from frame 7"
     forward = at(pressing, 11)
-    assert forward.note == "live, from rest at frame 1"
+    assert forward.note == "live: computed from frame 1 on"
     skin_preview.reset()
     for frame in range(1, 8):
         at(pressing, frame)
@@ -179,7 +179,7 @@ def test_undo_resets_the_history(pressing: bpy.types.Scene) -> None:
         at(pressing, frame)
     changes.note_history()
     assert views.skins(pressing) == ()
-    assert "from rest at frame 9" in at(pressing, 9).note
+    assert "frame 9 alone" in at(pressing, 9).note
 
 
 def test_far_and_still_frames_are_skipped_and_counted(pressing: bpy.types.Scene) -> None:

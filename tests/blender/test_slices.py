@@ -155,7 +155,7 @@ def test_a_coarse_frame_that_is_visited_again_is_made_good_too(hands, monkeypatc
     monkeypatch.setattr(slices, "rest", lambda: 0.0)
     shown._slices._on_rest()
     assert not skin_preview.coarse()
-    assert skin_preview.own(hands)[0].note == "live, from the state kept at frame 28"
+    assert skin_preview.own(hands)[0].note == "live: continued from frame 28"
 
 
 def test_a_jump_does_not_wait_for_the_frame_before(hands, monkeypatch) -> None:
@@ -165,7 +165,7 @@ def test_a_jump_does_not_wait_for_the_frame_before(hands, monkeypatch) -> None:
     finish()
     assert shown.now(hands).frame == 10.0
     own = [state for state in skin_preview.own(hands) if state.source == "live"]
-    assert len(own) == 1 and all(state.note.startswith("live, from rest at frame 10") for state in own)
+    assert len(own) == 1 and all(state.note.startswith("live: computed from frame 10 on") for state in own)
 
 
 def test_a_scene_that_is_gone_ends_the_work(hands, monkeypatch) -> None:

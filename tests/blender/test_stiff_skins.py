@@ -22,7 +22,7 @@ from blender_addon.preview.skin_state import SkinState
 from blender_addon.properties import skin_properties
 from blender_addon.results import store
 from blender_addon.viewport import shown as views
-from blender_addon.viewport import skin_field, skin_shown
+from blender_addon.viewport import skin_cards, skin_field, skin_shown
 from core.cache import Cache
 from core.contact.trusted import trusted
 from core.parameters.error_bands import error_band
@@ -337,11 +337,21 @@ def test_the_legend_says_the_band_of_each_tissue() -> None:
         )
         force = f"{100 * band.force.median:.0f} %" if band.force.median >= 5e-3 else "below 1 %"  # never none at all
         assert f"force {force}" in text and "0.90 mm" in text
-        assert ("for the standard mesh 10 % at 2 mm, 1.6 mm below the skin" in text) == (word == "neo-Hookean")
+        mesh = "the standard mesh (6.4k tetrahedra) alone 10 % at 2 mm, 1.6 mm below the skin, this mesh has "
+        assert (mesh + f"{len(state.model.mesh.tetrahedra):,}" in text) == (word == "neo-Hookean")
+        assert skin_field.error_lines([state]) == [f"{word} skin: stress about {100 * band.stress.median:.0f} % off"]
+    assert skin_field.error_lines([stiff, linear])[1].startswith("linear skin")
+    waiting = SkinState("Finger", None, np.zeros((0, 3)), note="making the draft skin: 10%")
+    assert skin_field.error_lines([waiting]) == [] and len(skin_field.error_lines([waiting, stiff])) == 1
+    air = replace(stiff, depth=0.0)
+    assert skin_field.error_lines([air]) == ["neo-Hookean skin: stress 1 % off at 1 mm"]
+    assert all(len(line) <= skin_cards.LETTERS for line in skin_field.error_lines([air, stiff, linear]))
     both = skin_field.error_text([stiff, linear])
     assert "neo-Hookean skin" in both and "linear skin" in both
     far = replace(stiff, slide=trusted("neo_hookean").slide + 1e-3)
+    assert skin_field.error_lines([far])[1] == "dragged farther than it is trusted"
     assert "dragged farther than it is trusted" in skin_field.error_text([far]) and far.too_far and not far.too_deep
     deep = replace(stiff, depth=trusted("neo_hookean").depth + 1e-4)
+    assert skin_field.error_lines([deep])[1] == "deeper than it is trusted"
     assert "deeper than it is trusted" in skin_field.error_text([deep]) and deep.too_deep
     assert not replace(linear, slide=0.05).too_far

@@ -307,9 +307,9 @@ def test_only_boards_without_a_watchdog_are_warned_of() -> None:
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        ("", "In silence it does something that nobody has declared."),
-        ("?silence=keeps", "In silence it keeps its last commands."),
-        ("?silence=retracts&silence_ms=120", "In silence it goes to its safe state by itself after 120 ms."),
+        ("", "The behaviour of the device without commands is not declared."),
+        ("?silence=keeps", "Without new commands the device keeps the last ones."),
+        ("?silence=retracts&silence_ms=120", "Without commands for 120 ms the device goes to its safe state."),
     ],
 )
 def test_arming_asks_by_the_declaration_of_the_boards_silence(scene: Any, options: str, sentence: str) -> None:

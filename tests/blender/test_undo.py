@@ -60,4 +60,4 @@ def test_undo_makes_a_bake_out_of_date_and_ends_the_trail() -> None:
     bpy.context.scene.frame_set(4)
     shown = device_preview.step(bpy.context)
     assert device_preview._live.trail.taken == 1
-    assert "from rest at frame 4" in shown.note
+    assert "frame 4 alone" in shown.note

@@ -18,11 +18,11 @@ class Does(Enum):
 
 
 PHRASES: Mapping[Does, str] = {
-    Does.RETRACTS: "goes to its safe state by itself",
-    Does.STOPS: "stops where it is",
-    Does.LETS_GO: "lets its actuators go",
-    Does.KEEPS: "keeps its last commands",
-    Does.UNKNOWN: "does something that nobody has declared",
+    Does.RETRACTS: "without commands for {} the device goes to its safe state",
+    Does.STOPS: "without commands for {} the device stops where it is",
+    Does.LETS_GO: "without commands for {} the device lets its actuators go",
+    Does.KEEPS: "without new commands the device keeps the last ones",
+    Does.UNKNOWN: "the behaviour of the device without commands is not declared",
 }
 SIGNS = 3  # [1] signs of life within a board's silence time: two of them may be late
 SENDER_AFTER = 0.1  # [s] a sender counts itself as silent after this time if the board declares none
@@ -57,5 +57,4 @@ class Silence:
 
     def __str__(self) -> str:
         """Return the behaviour as a phrase for people."""
-        after = "" if self.does in (Does.KEEPS, Does.UNKNOWN) else f" after {1e3 * self.after:.0f} ms"
-        return f"in silence it {PHRASES[self.does]}{after}"
+        return PHRASES[self.does].format(f"{1e3 * self.after:.0f} ms")

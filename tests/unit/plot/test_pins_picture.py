@@ -65,7 +65,7 @@ def test_the_picture_of_a_track_has_its_size_and_its_figures(tmp_path):
     write_svg(track, tmp_path / "a.svg", contact=(times > 0.5).astype(float))
     assert len(read(tmp_path / "a.png").values) == round(2 * (TOP + HEIGHT))
     text = (tmp_path / "a.svg").read_text()
-    assert "Index" in text and "DM2" in text and "hardest pin" in text and "force [N]" in text
+    assert "Index" in text and "DM2" in text and "largest pin force" in text and "force [N]" in text
     assert len(CIRCLE.findall(text)) == 6 * 129  # six maps, in each of them one pin presses
     write_svg(track, tmp_path / "b.svg", contact=(times > 0.5).astype(float))
     assert text == (tmp_path / "b.svg").read_text()

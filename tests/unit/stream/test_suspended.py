@@ -98,7 +98,7 @@ def test_a_sender_that_is_killed_leaves_a_board_where_it_is_and_that_is_said() -
         os.kill(client.pid, signal.SIGKILL)
         exits.until(lambda: client.status()["state"] == "dead", lambda: None, "dead")
         status = client.status()
-        assert "in silence it keeps its last commands: switch the supply off" in status["message"]
+        assert "without new commands the device keeps the last ones: switch the supply off" in status["message"]
         assert not status["pose_known"] and not status["armed"]
 
 

@@ -111,7 +111,7 @@ def test_impossible_options(options: dict[str, str], limit: str) -> None:
         (f"reads=1&{RETRACTS}", {}, "timeout is not set, or longer than 100 ms.*'Timeout' to 0.10 s.*'Apply Settings'"),
         (f"reads=1&{RETRACTS}", {"board_timeout": 0.5}, "not set, or longer than 100 ms"),
         ("reads=1&silence=lets-go&silence_ms=300", {}, "longer than 300 ms.*'Timeout' to 0.30 s"),
-        ("reads=1&silence=keeps", TIMEOUT, "declares that in silence it keeps.*timeout is set.*silence=retracts"),
+        ("reads=1&silence=keeps", TIMEOUT, "declares that without new commands the .*timeout is set.*silence=retracts"),
         ("reads=1", {"board_crc": 1.0}, "expects a CRC. Add crc=1"),
         ("crc=1", {}, "takes the CRC for an error.*tick 'Enable CRC'.*crc=0"),
         ("crc=1&device=12", {}, "takes the CRC for an error"),

@@ -194,7 +194,8 @@ def _friction_screen(layout: Any, context: bpy.types.Context, device: Any) -> No
 
 
 def _pins(layout: Any, _context: bpy.types.Context, device: Any) -> None:
-    column = properties(layout, device, "pin_method")
+    layout.prop(device, "pin_method", text="")  # over the whole width: its choices have long names
+    column = properties(layout, device)
     if device.pin_method.startswith("DM"):
         column.prop(device, "pin_nodes")
     column.prop(device, "pin_bounded")

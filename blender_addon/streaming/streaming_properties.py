@@ -186,8 +186,8 @@ class DermisStream(bpy.types.PropertyGroup):
         options=set(),
     )
     show_received: BoolProperty(
-        name="Twin Shows the Device",
-        description="Draw the pose that the device reports, if it reports one",
+        name="Reported Pose",
+        description="Draw the twin in the pose that the device reports, if it reports one",
         default=True,
         update=_quiet,
         options=set(),

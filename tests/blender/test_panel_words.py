@@ -65,6 +65,12 @@ def test_a_name_that_would_be_cut_off_stands_in_its_field() -> None:
     assert max(map(len, held)) <= 15  # "By Opposed Fing..." was cut off
 
 
+def test_the_methods_of_pins_have_a_whole_row(worn: Any) -> None:
+    layout = Noting()
+    Panel(panels.object.DERMIS_PT_device, layout).draw(bpy.context)
+    assert dict(layout.noted)["pin_method"] is False and dict(layout.noted)["pin_nodes"] is True
+
+
 def test_no_tooltip_calls_a_paper_by_a_key() -> None:
     assert fields.cited("[S2] III; [S0] 5") == "Pacchierotti et al. 2018, III; Verschoor et al. 2020, 5"
     texts = []

@@ -165,7 +165,7 @@ def test_a_jump_does_not_wait_for_the_frame_before(hands, monkeypatch) -> None:
     finish()
     assert shown.now(hands).frame == 10.0
     own = [state for state in skin_preview.own(hands) if state.source == "live"]
-    assert len(own) == 1 and all(state.note.startswith("live: computed from frame 10 on") for state in own)
+    assert len(own) == 1 and all(state.note.startswith("live: frame 10 alone") for state in own)
 
 
 def test_a_scene_that_is_gone_ends_the_work(hands, monkeypatch) -> None:

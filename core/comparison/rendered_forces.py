@@ -68,7 +68,10 @@ def rendered_touches(
         ready = pins.setup(skin.model, track.spec, DEVICE["pin_nodes"].of(parameters))
         lead = float(track.meta.get("lead_s", 0.0))  # [s] time by which the track is ahead of the pins' forces
         pressed = interpolate(track.times, track.values, np.clip(times - lead, track.times[0], track.times[-1]))
-        return RenderedTouches(np.stack([pins.rendered_force(ready, row) for row in pressed]), [None] * len(pressed))
+        made = np.stack([pins.rendered_force(ready, row) for row in pressed])
+        law = ready.matcher.law
+        off = np.flatnonzero([law is not None and not law.settles(force.ravel()) for force in made])
+        return RenderedTouches(made, [None] * len(made), _told(off, samples, track))
     if by_stress(track.spec, parameters):
         device, friction = disc_device(track.spec, skin.pressed, parameters)
         replay = Replay(device, skin.pressed, friction, configurations(track, device))
@@ -80,10 +83,18 @@ def rendered_touches(
     coupling = coupling_of(track.spec)
     if coupling is not None:
         commands = coupling.original(commands)
-    made = press_of(skin.model, track.spec).press(commands)
-    given = [None] * len(commands)
-    if made.amounts is not None:
-        given = list(made.amounts.astype(np.float64))
-    off = np.flatnonzero(made.left > 0.0)
-    told = unsettled(len(off), track.spec.name, int(samples[off[0]]) if len(off) else 0)
-    return RenderedTouches(made.force.astype(np.float64), given, told)
+    poses = press_of(skin.model, track.spec).press(commands)
+    given = [None] * len(commands) if poses.amounts is None else list(poses.amounts.astype(np.float64))
+    told = _told(np.flatnonzero(poses.left > 0.0), samples, track)
+    return RenderedTouches(poses.force.astype(np.float64), given, told)
+
+
+def _told(off: NDArray[np.intp], samples: NDArray[np.intp], track: CommandTrack) -> tuple[Finding, ...]:
+    """Return the finding for some of the samples, at which the law did not converge; none for no samples.
+
+    Args:
+        off: indices of these samples in `samples`, rising.
+        samples: see `rendered_touches`.
+        track: the track that is played.
+    """
+    return unsettled(len(off), track.spec.name, int(samples[off[0]]) if len(off) else 0)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..arrays import Array, Floats32
 from ..contact.solver.law_frame import USABLE
 from ..contact.solver.law_skin import LawSkin, LawState
-from ..skin.law_tables import LawTables
+from ..skin.law_tables import TOLERANCE, LawTables
 from ..skin.model import SkinModel
 from ..skin.stimulus import Stimulus
 from .pin_bend import Bend
@@ -95,6 +95,16 @@ class PinLaw:
         load = (np.asarray(force, np.float64) / self.modulus).astype(np.float32)
         given = self.tables.loaded(load) if amounts is None else np.asarray(amounts, np.float32)
         return self.tables.state(load, given)
+
+    def settles(self, force: Array) -> bool:
+        """Return whether the law converges for forces that stay as they are.
+
+        Args:
+            force: forces on the pad nodes [N], shape (3 m,).
+        """
+        load = (np.asarray(force, np.float64) / self.modulus).astype(np.float32)
+        moved = self.tables.state(load, self.tables.loaded(load))
+        return not load.any() or self.tables.miss(moved, self.tables.pulled(load), load).left <= TOLERANCE
 
     def goal(self, moved: Floats32, less: Floats32) -> Array:
         """Return the weighted target displacement for linear skin [m].

@@ -84,25 +84,28 @@ def test_rendered_forces_are_those_that_the_renderers_report(cache: Cache) -> No
 def test_commands_under_which_tissue_does_not_settle_are_told(
     found: device_comparison.Comparison, cache: Cache
 ) -> None:
-    """Played 6 mm deep, a thimble's disc is beyond what the law holds: its row and all reports say so."""
-    scene = touch((DeviceUse("thimble_3rrs"),))
+    """A disc 6 mm deep, or pins of 0.4 N each, are beyond what the law holds: the row and all reports say so."""
+    scene = touch((DeviceUse("thimble_3rrs"), DeviceUse("pin_array_128")))
     finger = replace(scene.fingers[0], parameters={**SKIN, "tissue": "neo_hookean"})
     bake = drain(render(replace(scene, fingers=(finger,)), Library(), cache=cache))
-    output, skin = bake.outputs[0], bake.skins["Index"]
-    device = mechanism(output.track.spec)
-    assert not judge(output, skin, {}).findings
+    output, pins = bake.outputs
+    skin, device = bake.skins["Index"], mechanism(output.track.spec)
+    assert not judge(output, skin, {}).findings and not judge(pins, skin, {}).findings
     x = seated(device, 0.0, 0.0, first_contact(device, contact_of(device, skin.pressed, 0.6), 0.0, 0.0) - 6e-3)
     values = output.track.values.copy()
     for name, angle in zip(("servo_1", "servo_2", "servo_3"), device.joints(x)[0], strict=True):
         values[-len(values) // 3 :, [c.name for c in output.track.spec.channels].index(name)] = angle
-    deep = replace(output, track=replace(output.track, values=values))
-    judged = judge(deep, skin, {})
-    (told,) = judged.findings
-    assert told.code == "law-unsettled" and told.count > 1 and output.track.spec.name in told.what
-    assert told in device_comparison.row_of(deep, judged).findings
-    made = replace(found, findings=judged.findings)
-    assert told.what in report.text(made) and told.what in report.csv(made)
-    assert any(told.what in words for words in report.as_dict(made)["findings"])
+    pushed = pins.track.values.copy()
+    pushed[len(pushed) // 4 :] = 0.4  # the track is ahead of the touch
+    for each, played in ((output, values), (pins, pushed)):
+        deep = replace(each, track=replace(each.track, values=played))
+        judged = judge(deep, skin, {})
+        (told,) = judged.findings
+        assert told.code == "law-unsettled" and told.count > 1 and each.track.spec.name in told.what
+        assert told in device_comparison.row_of(deep, judged).findings
+        made = replace(found, findings=judged.findings)
+        assert told.what in report.text(made) and told.what in report.csv(made)
+        assert any(told.what in words for words in report.as_dict(made)["findings"])
 
 
 def test_a_device_that_is_worn_keeps_its_settings_and_others_leave(cache: Cache) -> None:

@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     import core.images
     import core.kernels
     import core.matching
+    import core.matching.adapt
     import core.matching.deformation
     import core.matching.floor
     import core.matching.lookup

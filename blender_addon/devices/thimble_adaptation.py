@@ -15,7 +15,6 @@ from .._core import DermisError, core
 from ..properties import skin_properties
 from . import active_presets, skin_models, thimble_devices
 
-MOVING = 600  # number of the engine's 1000 progress steps in which the disc moves; in the others the network trains
 _told: core.recent.Recent[tuple[Path, float], dict[str, Any]] = core.recent.Recent(8)
 
 
@@ -61,11 +60,12 @@ def adapt(obj: bpy.types.Object, **less: int) -> Generator[Any, None, dict[str, 
         mechanism = core.matching.thimble_use.disc_device(spec, model, use)
         target = core.surrogate.store.place_of(folder, model, *mechanism)
     older, done = target.is_file(), False
+    moves = core.matching.adapt.shares_of(model.tissue)["dataset"][1]  # from here on the network trains
     try:
         with core.work.processes.ProcessExecutor() as executor:
             job = executor.submit("adapt", {}, parameters)
             for now, total in job.follow():
-                yield core.pipeline.bake.Progress("moving the disc" if now < MOVING else "learning", now, max(total, 1))
+                yield core.pipeline.bake.Progress("moving the disc" if now < moves else "learning", now, max(total, 1))
             made, done = dict(job.result()), True
             return made
     finally:

@@ -24,7 +24,8 @@ def _searched(context: bpy.types.Context) -> Any | None:
 
 @needs(_searched, "Select a finger with a thimble, or with six legs matched by stress")
 class DERMIS_OT_adapt_thimble(jobs.Job, bpy.types.Operator):
-    """Learn the effect of this device on this finger's skin, for the methods Network and Polynomial. Esc cancels"""
+    """Learn the effect of this device on this finger's skin, for the methods Network and Polynomial. It takes about \
+two minutes, and about four times as long for neo-Hookean tissue. Esc cancels"""
 
     bl_idname = "dermis.adapt_thimble"
     bl_label = "Adapt to This Finger"

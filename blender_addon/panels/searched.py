@@ -31,14 +31,16 @@ def adaptation(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, f
             network, ridge = 100 * found["network_error"], 100 * found["ridge_error"]
             words += f": network {network:.0f} %, polynomial {ridge:.0f} % off"
         paragraph(layout, context, words, "CHECKMARK")
-        if skin_properties.tissue(obj.dermis.finger.skin) != "linear":
+        made_for = core.surrogate.store.tissue_of(found)
+        if made_for == "linear" and skin_properties.tissue(obj.dermis.finger.skin) != "linear":
             paragraph(layout, context, linear_words(found), "INFO")
     elif method in core.matching.thimble_use.LEARNED:
+        minutes = "two" if skin_properties.tissue(obj.dermis.finger.skin) == "linear" else "eight"
         paragraph(
             layout,
             context,
             "Not adapted to this finger, so the direct method is used. Adapt it, "
-            "which takes about two minutes, or choose the direct method.",
+            f"which takes about {minutes} minutes, or choose the direct method.",
             "ERROR",
         )
     layout.operator("dermis.adapt_thimble", icon="FILE_REFRESH" if found is not None else "MOD_LATTICE")
@@ -50,7 +52,7 @@ def linear_words(figures: dict[str, Any]) -> str:
     words = "It was learned on linear tissue, and the neo-Hookean law corrects it in each frame"
     if len(errors) == 2:
         words += f": by the law, network {100 * errors['network']:.0f} %, polynomial {100 * errors['ridge']:.0f} % off"
-    return f"{words}."
+    return f"{words}. Adapt again to learn by the law."
 
 
 def skin_and_mismatch(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import DermisError
 from ..files import write_bytes
+from ..parameters.error_bands import LINEAR
 from ..presets import Library
 from ..surrogate.lessons import KINDS
 from ..work.executor import POLL_SECONDS, JobFuture
@@ -38,7 +39,7 @@ def run(options: argparse.Namespace) -> int:
         while waiting:
             wait(waiting.values(), POLL_SECONDS, FIRST_COMPLETED)
             for skin in [skin for skin, future in waiting.items() if future.done()]:
-                refused += not _told(skin, waiting.pop(skin), options.out)
+                refused += not _told(skin, waiting.pop(skin), options.out, options.tissue != LINEAR)
             tenths = int(10 * sum(map(_share, every.values())) / len(every))
             if tenths != shown and not options.quiet:
                 print(f"{10 * tenths} %", file=sys.stderr)
@@ -52,7 +53,7 @@ def _share(future: JobFuture) -> float:
     return 1.0 if future.done() else done / max(total, 1)
 
 
-def _told(skin: str, future: JobFuture, folder: Path) -> bool:
+def _told(skin: str, future: JobFuture, folder: Path, by_law: bool) -> bool:
     """Write the learned model of a skin and print its errors.
 
     If the skin was refused, print the reason. Return whether a model was written.
@@ -65,15 +66,12 @@ def _told(skin: str, future: JobFuture, folder: Path) -> bool:
     for name, data in made.items():
         if name.startswith("file "):
             write_bytes(folder / name.removeprefix("file "), data.tobytes())
-    print(f"{folder}: {skin}: learned from {int(made['samples'])} samples of {int(made['movements'])} movements")
+    how = " by the neo-Hookean law" if by_law else ""
+    print(f"{folder}: {skin}: learned from {int(made['samples'])} samples of {int(made['movements'])} movements{how}")
     for kind, row in zip(KINDS, made["held_out"], strict=True):
         print(f"  {_quality(f'{kind}, {int(row[-1])} movements held out', row)}")
-    if "by_law" in made:
-        row = made["by_law"]
-        print(
-            "  learned on linear tissue, though this finger's is neo-Hookean; devices correct it by the law every frame"
-        )
-        print(f"  {_quality(f'by the law, in use, {int(row[-1])} movements', row)}")
+    if made["unsettled"]:
+        print(f"  left out {int(made['unsettled'])} samples at which the law did not converge")
     return True
 
 

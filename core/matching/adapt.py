@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..cache import Cache
 from ..devices.spec import from_preset
+from ..parameters.error_bands import LINEAR
 from ..parameters.skin import SKIN_CONTACT
 from ..skin.finger_skin import asked_for
 from ..skin.model import skin_from_parameters
@@ -21,8 +22,9 @@ from ..surrogate.lessons import KINDS
 from ..surrogate.store import adapt, place_of, save
 from .thimble_use import disc_device
 
-# Start and end of each stage, in thousandths of the time.
-SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 960), "law": (960, 1000)}
+# Start and end of each stage, in thousandths of the time, on linear skin and on skin that follows a nonlinear law.
+SHARES = {"dataset": (0, 600), "descriptors": (600, 620), "training": (620, 1000)}
+SHARES_BY_LAW = {"stress": (0, 20), "dataset": (20, 850), "descriptors": (850, 860), "training": (860, 1000)}
 
 
 def adapt_job(
@@ -43,7 +45,7 @@ def adapt_job(
         'samples' and 'movements': numbers of those that were learned from.
         'held_out': for each of `KINDS`, the error of the ridge regression and the value below which nine in ten
         movements stay, the same two of the network, and the number of movements, shape (kinds, 5).
-        'by_law': the same errors by the skin's nonlinear law, shape (5,); only if the skin follows one.
+        'unsettled': number of samples that were left out, because the skin's nonlinear law did not converge.
         'file NAME': the bytes of each file, only without a folder.
 
     Raises:
@@ -59,27 +61,32 @@ def adapt_job(
     device, friction = disc_device(spec, skin, parameters.get("use", {}))
     wanted = {n: int(parameters[n]) for n in ("trajectories", "iterations") if n in parameters}
 
+    shares = shares_of(skin.tissue)
+
     def tell(stage: str, done: int, total: int) -> None:
-        low, high = SHARES[stage]
+        low, high = shares[stage]
         report(low + (high - low) * done // max(total, 1), 1000)
 
     steps = adapt(device, skin, friction, report=tell, **wanted)
     made = drain(steps, lambda step: tell(*step))
-    report(1000, 1000)  # on linear skin there is no stage 'law'
     with TemporaryDirectory() if "folder" not in parameters else nullcontext(parameters["folder"]) as folder:
         paths = save(place_of(Path(folder), skin, device, friction), made)
         travels = {} if "folder" in parameters else {f"file {p.name}": np.fromfile(p, np.uint8) for p in paths}
     meta = made.meta
     held_out = [_row(*(meta["held_out"][name][kind] for name in ("ridge", "network"))) for kind in KINDS]
-    law = {"by_law": np.array(_row(meta["by_law"]["ridge"], meta["by_law"]["network"]))} if "by_law" in meta else {}
     return {
         "errors": np.array([meta["ridge_error"], meta["network_error"]]),
         "samples": np.array(meta["samples"]),
         "movements": np.array(meta["movements"]),
         "held_out": np.array(held_out),
-        **law,
+        "unsettled": np.array(meta["unsettled"]),
         **travels,
     }
+
+
+def shares_of(tissue: str) -> dict[str, tuple[int, int]]:
+    """Return start and end of each stage for a tissue, in thousandths of the time."""
+    return SHARES if tissue == LINEAR else SHARES_BY_LAW
 
 
 def _row(ridge: Mapping[str, float], network: Mapping[str, float]) -> tuple[float, ...]:

@@ -33,7 +33,7 @@ from ..parameters.device import DEVICE
 from ..skin.model import SkinModel
 from ..surrogate.forward import ForwardModel
 from ..surrogate.soundness import try_out
-from ..surrogate.store import contact_of, errors_by_law, load, place_of
+from ..surrogate.store import contact_of, errors_by_law, load, place_of, tissue_of
 from ..surrogate.surrogate import Surrogate
 
 METHODS = DEVICE["thimble_method"].keys
@@ -180,7 +180,7 @@ def prepare(spec: DeviceSpec, skin: SkinModel, parameters: Mapping[str, Any], wh
             "warning", code="surrogate", what=f"the direct method was used: {error.what}", where=where
         )
         return ThimbleUse(device, skin, friction, hover, "stress", None, None, (finding, *near))
-    linear = _linear(method, surrogate, where) if skin.follows_law else ()
+    linear = _linear(method, surrogate, where) if skin.tissue != tissue_of(surrogate.meta) else ()
     return ThimbleUse(device, skin, friction, hover, method, observation_matrix, learned, (*linear, *near))
 
 
@@ -195,7 +195,7 @@ def _linear(method: str, surrogate: Surrogate, where: str) -> tuple[Finding, ...
             "once in each frame",
             where,
             None if error is None else f"by the law {100 * error:.0f} % off",
-            remedy="Use the direct method, which searches by the law",
+            remedy="Adapt it again, which learns by the law, or use the direct method",
         ),
     )
 
@@ -244,7 +244,8 @@ def _pressing(device: DiscDevice, contact: DiscContact) -> list[Array]:
 def surrogate_path(parameters: Mapping[str, Any], skin: SkinModel, device: DiscDevice, friction: float) -> Path:
     """Return the path of a surrogate.
 
-    If 'thimble_surrogate' is a folder, the path is that of this skin's own surrogate in it.
+    If 'thimble_surrogate' is a folder, the path is that of this skin's own surrogate in it. For skin that follows a
+    nonlinear law, it is that of the surrogate of linear tissue if the folder has only that one.
 
     Raises:
         DermisError: 'thimble_surrogate' is empty.
@@ -257,4 +258,7 @@ def surrogate_path(parameters: Mapping[str, Any], skin: SkinModel, device: DiscD
             remedy="Adapt one to this finger, or use the direct method",
         )
     path = Path(given)
-    return place_of(path, skin, device, friction) if os.path.isdir(path) else path
+    if not os.path.isdir(path):
+        return path
+    own, linear = (place_of(path, each, device, friction) for each in (skin, skin.linear))
+    return linear if linear.is_file() and not own.is_file() else own

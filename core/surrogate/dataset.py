@@ -18,6 +18,7 @@ from ..devices.disc_device import DiscDevice, seated
 from ..devices.disc_pose import FrictionState, placed
 from ..devices.first_contact import first_contact
 from ..errors import DermisError
+from ..skin.observation import Observer
 from .trial import TrialForce
 
 MAX_TILT = np.radians(25.0)  # [rad] largest pitch and roll to either side
@@ -43,6 +44,8 @@ class Dataset:
             points first. They are computed from the same friction state.
         trajectory: number of the movement to which each sample belongs, shape (n,).
         friction: Coulomb's coefficient of friction.
+        stress: components of stress that an observer saw, shape (n, k); None if the movements were not observed.
+        unsettled: number of samples that were left out, because the skin's nonlinear law did not converge.
     """
 
     x: Array
@@ -51,6 +54,8 @@ class Dataset:
     trial: NDArray[np.float32]
     trajectory: Indices
     friction: float
+    stress: Array | None = None
+    unsettled: int = 0
 
     def __len__(self) -> int:
         return len(self.x)
@@ -58,7 +63,9 @@ class Dataset:
     def rows(self, chosen: NDArray[np.bool_]) -> Dataset:
         """Return the samples for which `chosen`, shape (n,), is true."""
         x, force, before, trial, owner = self.x, self.force, self.before, self.trial, self.trajectory
-        return Dataset(x[chosen], force[chosen], before[chosen], trial[chosen], owner[chosen], self.friction)
+        stress = None if self.stress is None else self.stress[chosen]
+        rows = x[chosen], force[chosen], before[chosen], trial[chosen], owner[chosen]
+        return Dataset(*rows, self.friction, stress, self.unsettled)
 
 
 def record(
@@ -72,13 +79,15 @@ def record(
     max_depth: float = MAX_DEPTH,
     max_tilt: float = MAX_TILT,
     pressed: int = 1,
+    observer: Observer | None = None,
 ) -> Generator[tuple[int, int], None, Dataset]:
     """Move the device between random configurations and record samples.
 
     Yields (finished, all) movements and returns the dataset. Each movement starts clear of the skin and goes to one or
     more configurations in the skin. It ends early at a configuration that the device cannot reach, or after a sample
     whose force exceeds `max_force`. Tilts are uniformly distributed. For each tilt, the distance is uniformly
-    distributed in a range that begins or ends at first contact.
+    distributed in a range that begins or ends at first contact. On skin that follows a nonlinear law, samples at which
+    the law does not converge are left out.
 
     Args:
         device: the mechanism.
@@ -91,6 +100,7 @@ def record(
         max_tilt: largest pitch and roll to either side [rad].
         pressed: number of configurations in the skin in each movement. With more than one, a movement presses, rolls
             and releases, as devices do in use, so that friction states after different paths are recorded.
+        observer: observer of the components of stress, by the law that the contact's skin follows; None for none.
 
     Raises:
         DermisError: the servo limits exclude contact, or no sample touches.
@@ -99,7 +109,8 @@ def record(
     """
     rng = np.random.default_rng(seed)
     alone = TrialForce.of(contact)
-    x, force, before, trial, owner = [], [], [], [], []
+    x, force, before, trial, owner, stress = [], [], [], [], [], list[Array]()
+    unsettled = 0
     for number in range(trajectories):
         ends = [_random(device, contact, rng, max_tilt, 0.0, CLEARANCE)]
         ends += [_random(device, contact, rng, max_tilt, -max_depth, 0.0) for _ in range(pressed)]
@@ -111,33 +122,50 @@ def record(
             pose = placed(device, device.pose(at))
             found = contact.solve(pose)
             if found.touching:
-                x.append(at)
-                alone.hold(state)
-                trial.append(alone.at(pose)[0].astype(np.float32))
-                before.append(state.force.ravel().astype(np.float32))
-                force.append(contact.nodal(found).ravel().astype(np.float32))
-                owner.append(number)
+                if found.settled:
+                    x.append(at)
+                    alone.hold(state)
+                    trial.append(alone.at(pose)[0].astype(np.float32))
+                    before.append(state.force.ravel().astype(np.float32))
+                    nodal = contact.nodal(found)
+                    force.append(nodal.ravel().astype(np.float32))
+                    if observer is not None:
+                        stress.append(observer.seen(nodal, found.amounts))
+                    owner.append(number)
+                else:
+                    unsettled += 1
                 if np.linalg.norm(found.force.sum(axis=0)) > max_force:
                     break
             state = contact.settle(found)
         yield number + 1, trajectories
     if not x:
         raise DermisError("no movement of the device touches the skin", where="dataset", value=trajectories)
-    return Dataset(np.array(x), np.array(force), np.array(before), np.array(trial), np.array(owner), contact.friction)
+    return Dataset(
+        np.array(x),
+        np.array(force),
+        np.array(before),
+        np.array(trial),
+        np.array(owner),
+        contact.friction,
+        None if observer is None else np.array(stress),
+        unsettled,
+    )
 
 
 def joined(parts: Sequence[Dataset]) -> Dataset:
     """Join datasets.
 
     The movements are numbered anew, so that no two movements have the same number. The coefficient of friction is that
-    of the first dataset.
+    of the first dataset. Either all datasets have components of stress, or none has.
     """
     first = np.cumsum([0, *(part.trajectory.max() + 1 for part in parts)])
     owner = np.concatenate([part.trajectory + at for part, at in zip(parts, first[:-1], strict=True)])
     x, force, before, trial = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("x", "force", "before", "trial")
     )
-    return Dataset(x, force, before, trial, owner, parts[0].friction)
+    seen = [part.stress for part in parts if part.stress is not None]
+    stress = np.concatenate(seen) if seen else None
+    return Dataset(x, force, before, trial, owner, parts[0].friction, stress, sum(part.unsettled for part in parts))
 
 
 def split(trajectory: Indices, share: float = 0.5, seed: int = 0) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -6,6 +6,7 @@ at the end of the previous step.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -149,14 +150,21 @@ class Descriptors:
         The memory consists of the components of trial forces and of the previous step's forces.
 
         Args:
-            data: the dataset.
+            data: the dataset. If an observer saw its components of stress, they must be those of this description.
             matrix: map from forces on the pad nodes to channels, shape (c, 3 m); None for the components of stress.
         """
-        wanted = self.observation_matrix if matrix is None else matrix
         told = self.trial.project(data.trial.astype(np.float64)), self.friction.project(data.before.astype(np.float64))
-        return SampleTable(
-            data.x, np.concatenate(told, axis=1), data.force.astype(np.float64) @ wanted.T, data.trajectory
-        )
+        if matrix is None and data.stress is not None:
+            channels = data.stress
+        else:
+            wanted = self.observation_matrix if matrix is None else matrix
+            channels = data.force.astype(np.float64) @ wanted.T
+        return SampleTable(data.x, np.concatenate(told, axis=1), channels, data.trajectory)
+
+    def remembering(self, data: Dataset) -> Descriptors:
+        """Return the same components of stress, with the subspaces of trial forces and friction of another dataset."""
+        inputs = _inputs(data, TRIAL_COMPONENTS, FRICTION_COMPONENTS)
+        return Descriptors(self.stress, self.observation_matrix, *inputs)
 
 
 def descriptors(
@@ -182,8 +190,10 @@ def descriptors(
     """
     force = data.force.astype(np.float64)
     stress = principal_components(force @ stress_operator.T, tolerance=tolerance, size=size)
-    inputs = (
-        principal_components(part.astype(np.float64), size=min(most, *part.shape))
-        for part, most in ((data.trial, trial_size), (data.before, friction_size))
-    )
-    return Descriptors(stress, stress.basis @ stress_operator, *inputs)
+    return Descriptors(stress, stress.basis @ stress_operator, *_inputs(data, trial_size, friction_size))
+
+
+def _inputs(data: Dataset, trial_size: int, friction_size: int) -> Iterator[Subspace]:
+    """Yield the subspaces of trial forces and of the previous step's forces, see `descriptors`."""
+    for part, most in ((data.trial, trial_size), (data.before, friction_size)):
+        yield principal_components(part.astype(np.float64), size=min(most, *part.shape))

@@ -7,22 +7,16 @@ are too similar to be split between training and test. The movements for testing
 from __future__ import annotations
 
 from collections.abc import Generator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from ..arrays import Array
 from ..devices.disc import DiscContact
 from ..devices.disc_device import DiscDevice
-from ..devices.disc_pose import Disc, DiscPose, DiscSolution
-from ..devices.press_problem import PressPoints
-from ..skin.model import SkinModel
 from ..skin.observation import Observer
 from ..steps import in_words
 from .dataset import Dataset, joined, record, split
-from .learned import Descriptors
-from .press_points import press_points
 from .table import Fit, SampleTable, movement_errors, relative_rms
 
 
@@ -60,7 +54,7 @@ class Lessons:
 
 
 def lessons(
-    device: DiscDevice, contact: DiscContact, trajectories: int, seed: int = 0
+    device: DiscDevice, contact: DiscContact, trajectories: int, seed: int = 0, observer: Observer | None = None
 ) -> Generator[tuple[int, int], None, Lessons]:
     """Record movements of both kinds and hold some out.
 
@@ -71,6 +65,7 @@ def lessons(
         contact: contact of the device's disc with the skin.
         trajectories: number of straight presses; the numbers of other movements are relative to it.
         seed: seed of the movements and of the choice of test movements.
+        observer: observer of the components of stress, see `record`; None for none.
 
     Raises:
         DermisError: the servo limits exclude contact, or nothing is recorded.
@@ -79,61 +74,13 @@ def lessons(
     total, before = sum(counts.values()), 0
     parts, held_out = [], {}
     for number, (name, kind) in enumerate(KINDS.items()):
-        steps = record(device, contact, counts[name], seed=seed + number, pressed=kind.pressed)
+        steps = record(device, contact, counts[name], seed=seed + number, pressed=kind.pressed, observer=observer)
         data = yield from in_words(steps, partial(_of_all, before, total))
         before += counts[name]
         learned, rest = split(data.trajectory, kind.learned, seed)
         parts.append(data.rows(learned))
         held_out[name] = data.rows(rest)
     return Lessons(joined(parts), held_out)
-
-
-def by_law(
-    device: DiscDevice, skin: SkinModel, friction: float, spaces: Descriptors, trajectories: int, seed: int = 0
-) -> Generator[tuple[int, int], None, SampleTable]:
-    """Record movements on skin that follows a nonlinear law, for testing.
-
-    Yields (finished, all) movements and returns the table: the inputs of a surrogate, and the stress by the law. The
-    movements are of the kind 'in_use'.
-
-    Args:
-        device: the mechanism.
-        skin: the skin, which follows the law.
-        friction: friction coefficient.
-        spaces: descriptors of the surrogate.
-        trajectories: number of movements.
-        seed: seed of the movements.
-
-    Raises:
-        DermisError: the servo limits exclude contact, or nothing is recorded.
-    """
-    observer = Observer(skin, spaces.observation_matrix)
-    contact = _Watched(press_points(skin), Disc(radius=device.disc_radius), friction, observer)
-    data = yield from record(device, contact, trajectories, seed=seed, pressed=KINDS["in_use"].pressed)
-    return replace(spaces.table(data), channels=np.array(contact.seen))
-
-
-class _Watched(DiscContact):
-    """Contact that keeps the stress of each solution in which the disc touches; `record` takes all of these.
-
-    Args:
-        points, disc, friction: see `DiscContact`.
-        observer: observer of the stress.
-
-    Attributes:
-        seen: components of stress of the solutions, each of shape (k,).
-    """
-
-    def __init__(self, points: PressPoints, disc: Disc, friction: float, observer: Observer) -> None:
-        super().__init__(points, disc, friction)
-        self._observer, self.seen = observer, list[Array]()
-
-    def solve(self, pose: DiscPose, known: DiscSolution | None = None) -> DiscSolution:
-        """Solve contact at a pose, and keep its stress."""
-        found = super().solve(pose, known)
-        if found.touching:
-            self.seen.append(self._observer.seen(self.nodal(found), found.amounts))
-        return found
 
 
 def _of_all(before: int, total: int, step: tuple[int, int]) -> tuple[int, int]:

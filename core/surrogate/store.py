@@ -2,7 +2,8 @@
 
 A surrogate is kept in two files. `NAME.npz` has the descriptors, their error curves and the quadratic ridge.
 `NAME.onnx` has the network, which other programs can use too. Both files name the skin, device and friction for which
-they were made, and are refused for any others. Files of the first schema are recognised, and must be made again: the
+they were made, and are refused for any others. A surrogate of linear tissue can be used for neo-Hookean tissue of the
+same shape, but not the reverse. Files of the first schema are recognised, and must be made again: the
 inputs of their models do not show which nodes touch and which stick.
 """
 
@@ -26,11 +27,13 @@ from ..errors import DermisError
 from ..files import write_npz
 from ..foreign import damage_told, json_of
 from ..npz import read_npz
+from ..parameters.error_bands import LINEAR
 from ..skin.model import SkinModel
+from ..skin.observation import Observer
 from ..steps import in_words
 from . import onnx
 from .learned import Descriptors, descriptors
-from .lessons import KINDS, by_law, judged, lessons
+from .lessons import KINDS, judged, lessons
 from .network import HIDDEN, ITERATIONS, Network, train
 from .press_points import press_points, pressed_on
 from .ridge import QuadraticRidge, fit_ridge
@@ -40,8 +43,9 @@ from .surrogate import Surrogate, check_made_for
 
 SCHEMA = "dermis-surrogate 2"
 TRAJECTORIES = 2400  # Source: [S0] 4.1
-# Number of movements on nonlinear skin by which a surrogate is judged. Each takes up to a second, so few are recorded.
-BY_LAW = 12
+# Number of straight presses on linear skin that describe the stress of a skin with a nonlinear law. It is that of
+# `matching.description`: with more movements, the number of components changes by one at most.
+DESCRIBED = 240
 _RIDGE = ("centre", "scale", "constant", "linear", "quadratic")
 
 
@@ -64,9 +68,10 @@ def _plain(value: Any) -> Any:
 def place_of(folder: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Path:
     """Return the path of a surrogate in a folder.
 
-    It depends on the skin's shape, the device and the friction coefficient.
+    It depends on the skin's shape and tissue, the device and the friction coefficient.
     """
-    key = cache_key(SCHEMA, skin.key, pressed_on(skin), device_key(device), repr(float(friction)))
+    tissue = (skin.tissue,) if skin.follows_law else ()
+    key = cache_key(SCHEMA, skin.key, pressed_on(skin), device_key(device), repr(float(friction)), *tissue)
     return Path(folder) / f"{key[:32]}.npz"
 
 
@@ -92,15 +97,15 @@ def adapt(
 ) -> Generator[tuple[str, int, int], None, Surrogate]:
     """Make a surrogate for a skin.
 
-    Movements are recorded, descriptors are found, and the ridge and the network are fitted. All this is done on linear
-    tissue, because contact by a nonlinear law and its stress take ten times as long. If the skin follows such a law,
-    the errors by the law are computed as well; they are in the metadata's 'by_law'.
+    Movements are recorded, descriptors are found, and the ridge and the network are fitted. If the skin follows a
+    nonlinear law, contact and stress of all movements are computed by this law. The components of stress are those of a
+    few movements on linear skin, as for the direct method.
 
     Yields (stage, done, total) and returns the surrogate.
 
     Args:
         device: the device.
-        skin: the skin; the surrogate is made for its linear tissue.
+        skin: the skin; the surrogate is made for its tissue.
         friction: friction coefficient.
         trajectories: number of straight presses, see `lessons`; half of them are held out.
         seed: seed of the movements and of the network's initial weights.
@@ -113,10 +118,21 @@ def adapt(
     Raises:
         DermisError: the servo limits exclude contact, or a setting is out of range.
     """
-    recording = lessons(device, contact_of(device, skin.linear, friction), trajectories, seed)
+    described: Descriptors | None = None
+    if skin.follows_law:
+        few = lessons(
+            device, contact_of(device, skin.linear, friction), min(trajectories, DESCRIBED), seed + len(KINDS)
+        )
+        first = yield from in_words(few, lambda step: ("stress", *step))
+        described = descriptors(first.data, skin.stress_components(), tolerance=tolerance)
+    observer = None if described is None else Observer(skin, described.observation_matrix)
+    recording = lessons(device, contact_of(device, skin, friction), trajectories, seed, observer)
     found = yield from in_words(recording, lambda step: ("dataset", *step))
     yield "descriptors", 0, 1
-    spaces = descriptors(found.data, skin.stress_components(), tolerance=tolerance)
+    if described is None:
+        spaces = descriptors(found.data, skin.stress_components(), tolerance=tolerance)
+    else:
+        spaces = described.remembering(found.data)
     table = spaces.table(found.data)
     yield "training", 0, iterations
 
@@ -129,11 +145,6 @@ def adapt(
     yield "training", iterations, iterations
     tests = {name: spaces.table(data) for name, data in found.held_out.items()}
     held_out = {"ridge": judged(ridge, tests), "network": judged(network, tests)}
-    more: dict[str, Any] = {}
-    if skin.follows_law:
-        moves = by_law(device, skin, friction, spaces, BY_LAW, seed + len(KINDS))
-        real = {"in_use": (yield from in_words(moves, lambda step: ("law", *step)))}
-        more["by_law"] = {"ridge": judged(ridge, real)["in_use"], "network": judged(network, real)["in_use"]}
     meta = {
         "schema": SCHEMA,
         "skin": skin.key,
@@ -146,14 +157,36 @@ def adapt(
         "movements": len(np.unique(found.data.trajectory)),
         **{f"{name}_error": errors["straight"]["error"] for name, errors in held_out.items()},
         "held_out": held_out,
-        "tissue": "linear",
-        **more,
+        "tissue": skin.tissue,
+        "unsettled": found.data.unsettled,
     }
     return Surrogate(spaces, ridge, network, meta)
 
 
+def tissue_of(meta: Mapping[str, Any]) -> str:
+    """Return the tissue for which a surrogate was made, from its metadata.
+
+    Files that do not state it were made for linear tissue.
+    """
+    return str(meta.get("tissue", LINEAR))
+
+
+def _check_tissue(made: str, wanted: str, where: str) -> None:
+    if made not in (LINEAR, wanted):
+        raise DermisError(
+            "the surrogate was made for another tissue",
+            where=where,
+            value=made,
+            limit=wanted,
+            remedy="Adapt it to this one, or use the direct method",
+        )
+
+
 def errors_by_law(meta: Mapping[str, Any]) -> dict[str, float]:
-    """Return the errors of 'network' and 'ridge' by a nonlinear law, from metadata; empty if they were not computed."""
+    """Return the errors by a nonlinear law of 'network' and 'ridge' of linear tissue, from metadata.
+
+    Earlier versions computed them for a skin with such a law. Without them the result is empty.
+    """
     found = meta.get("by_law")
     if not isinstance(found, Mapping):
         return {}
@@ -198,7 +231,7 @@ def load(path: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Su
 
     Raises:
         DermisError: a file is missing, damaged or foreign, was made for another skin, device or friction, or its parts
-            do not fit together.
+            do not fit together; or it was made for nonlinear tissue, and the skin is linear.
     """
     tables, graph = Path(path).with_suffix(".npz"), Path(path).with_suffix(".onnx")
     where = str(tables)
@@ -237,9 +270,13 @@ def load(path: Path, skin: SkinModel, device: DiscDevice, friction: float) -> Su
     }
     for name, wanted in expected.items():
         check_made_for(meta, name, wanted, where)
-    network = onnx.OnnxFit(graph, {n: expected[n] for n in ("skin", "pressed_on", "device", "friction")})
+    alike = {n: expected[n] for n in ("skin", "pressed_on", "device", "friction")}
+    if "tissue" in meta:
+        alike["tissue"] = meta["tissue"]
+    network = onnx.OnnxFit(graph, alike)
     made = Surrogate(
         Descriptors(spaces["stress"], observation_matrix, spaces["trial"], spaces["friction"]), ridge, network, meta
     )
+    _check_tissue(tissue_of(meta), skin.tissue, where)
     check_parts(made, 3 * skin.pad_count, device.freedoms, where)
     return made

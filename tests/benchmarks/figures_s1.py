@@ -302,7 +302,7 @@ def page(parts: dict[str, list[str]], rig: Rig) -> str:
         "# Deformation matching: paper against ours",
         "",
         "Regenerate with `python -m tests.benchmarks.figures_s1 --out presets` in the benchmarks' environment "
-        "(some two minutes). Source of the paper's figures: [S1].",
+        "(some five minutes). Source of the paper's figures: [S1].",
         "",
         "What differs: the paper uses one mesh of 27,737 ordinary (locking) tetrahedra for target and matching; here the "
         f"commands come from {standard:,} tetrahedra with averaged nodal pressure, and the evidence from {fine:,}, on which "

@@ -1,7 +1,7 @@
 """Try [S2]'s six interactions on both platforms, draw the figures and write the page 'paper against ours'.
 
 `python -m tests.benchmarks.figures_s2 --out presets` writes pictures/s2_*.png and devices/motors_figures.md there; some
-half an hour, most of it contact in 240 wobbling touches and two tables. Noise, wobble and rule are those of `core.design.interactions`.
+forty minutes, most of it contact in 300 wobbling touches and tables. Noise, wobble and rule are those of `core.design.interactions`.
 With `--law` only the page's section about neo-Hookean tissue is computed, and renewed in the page. Readings of touches and
 parts of tables are kept in a folder, so a run that was ended goes on where it was.
 """
@@ -318,7 +318,7 @@ def _page(
         "",
         f"**{right[0]} of {len(every)} verdicts are as the paper expects** by the rule that relates to the touch, {right[1]} by the paper's own rule.",
         "",
-        "Regenerate with `python -m tests.benchmarks.figures_s2 --out presets` in the benchmarks' environment (some half an hour). Source of the paper's figures: [S2], section V. Everything of ours is simulated: a linear skin of 1,560 tetrahedra, touched and pressed on points of its smooth surface, a virtual sensor, and a hand's wobble that was drawn, not recorded. [Neo-Hookean tissue](#on-neo-hookean-tissue) stands beside it in a section of its own.",
+        "Regenerate with `python -m tests.benchmarks.figures_s2 --out presets` in the benchmarks' environment (some forty minutes). Source of the paper's figures: [S2], section V. Everything of ours is simulated: a linear skin of 1,560 tetrahedra, touched and pressed on points of its smooth surface, a virtual sensor, and a hand's wobble that was drawn, not recorded. [Neo-Hookean tissue](#on-neo-hookean-tissue) stands beside it in a section of its own.",
         "",
         f"Fixed and committed before any result was looked at, and not tuned since: noise {NOISE:g} counts in every channel; wobble {tilt:g} degrees of tilt, {depth:g} mm of depth, {shift:g} mm along the surface, {100 * WOBBLE.amplitude:g} % from repetition to repetition. The paper's rule: the fewest motors whose error is less than {100 * KNEE:g} % above that of all. It asks for motors that render the hand's wobble as soon as all motors together leave less than that, so a second rule stands before it: the fewest motors that lose less than {100 * KNEE:g} % of the touch, beyond the error of all. It was found on seeds 0-2; seeds {seeds[0]}-{seeds[-1]}, below, were judged after it was committed. The paper expects 1, 2, 2, 2, 2, 3 motors for flat, back-, tip-, left-, right-flat and complex. No pose of the interactions is in a table: tables are regular sweeps.",
         "",

@@ -129,7 +129,8 @@ class DERMIS_PT_design(DermisPanel, bpy.types.Panel):
         row = layout.row(align=True)
         for kind, text in (("SCENE", "This Scene"), ("BAKED", "All Baked"), ("FILE", "Recording")):
             row.operator("dermis.add_design_touch", text=text).kind = kind
-        column = properties(layout, own, "device_name", "table", keys=False)
+        layout.prop(own, "device_name", text="", icon="CON_KINEMATIC")  # over the whole width: names are long
+        column = properties(layout, own, "table", keys=False)
         if not own.table:
             column.prop(own, "table_rows")
         column.prop(own, "noise")

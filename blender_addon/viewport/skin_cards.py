@@ -66,11 +66,11 @@ def line(state: SkinState, place: Box, scale: float) -> None:
     x, y, width = place.left + 9 * scale, place.bottom + 0.3 * place.height, place.width - 18 * scale
     words, colour = "in the air", paint.FAINT
     if state.model is None:
-        words, colour = "no skin", paint.ORANGE
+        words, colour = state.note or "no skin", paint.ORANGE
     elif state.touching:
         words = f"N {force(state.normal_force)}  T {force(state.tangential_force)}  {1e3 * state.depth:.2f} mm"
         colour = paint.INK if state.converged and not (state.too_deep or state.too_far) else paint.ORANGE
-    said = paint.text(words, x + width, y, colour, scale, align=1.0)
+    said = paint.text(words, x + width, y, colour, scale, align=1.0, width=0.75 * width)
     room = width - said - 9 * scale
     paint.text(state.finger, x, y, paint.INK, scale, width=room, shorter=_shorter(state))
 

@@ -134,6 +134,9 @@ def test_a_platform_is_chosen_by_its_name() -> None:
     assert own.device == "hexapod"
     own.device_name = "mine"
     assert own.device == own.device_name == "mine"  # without a preset, the text stands for itself
+    layout = Noting()
+    Panel(panels.design.DERMIS_PT_design, layout).draw(bpy.context)
+    assert dict(layout.noted)["device_name"] is False  # beside a label it would be cut off
     assert bpy.ops.dermis.demo_motors_scene(touch="flat", device="hexapod") == {"FINISHED"}
     assert [d.preset for d in bpy.data.objects["Index"].dermis.finger.devices] == ["hexapod"]
 

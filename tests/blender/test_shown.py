@@ -338,6 +338,9 @@ def test_a_head_that_does_not_fit_says_less_and_is_not_cut(monkeypatch) -> None:
         room = (len("no skin") + 8) * letter
         skin_cards.line(state, packing.Box(0.0, 0.0, room + 3 * 9.0, 22.0), 1.0)
         assert made.words[-2:] == ["no skin", head]  # beside what is said of it, not below
+    waiting = skin_state.SkinState("Index", None, np.zeros((0, 3)), note="reading the draft skin")
+    skin_cards.line(waiting, packing.Box(0.0, 0.0, skin_cards.LEGEND_WIDTH, 22.0), 1.0)
+    assert made.words[-2:] == ["reading the draft skin", "Index"]
 
 
 def test_both_errors_of_a_rendered_skin_are_told_in_full(monkeypatch) -> None:

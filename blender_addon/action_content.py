@@ -31,18 +31,18 @@ _seen: dict[int, bytes] = {}  # digests, by the action's session uid
 def is_new(action: Any) -> bool:
     """Return whether an action changed since its last check, or was never checked."""
     before = _seen.get(action.session_uid)
-    _seen[action.session_uid] = now = _digest(action)
+    _seen[action.session_uid] = now = digest(action)
     return now != before
 
 
 def look() -> None:
     """Check every action of the file, so that `is_new` detects its next change."""
     _seen.clear()
-    _seen.update((action.session_uid, _digest(action)) for action in bpy.data.actions)
+    _seen.update((action.session_uid, digest(action)) for action in bpy.data.actions)
 
 
-def _digest(action: Any) -> bytes:
-    """Return a digest of curves, keys and modifiers."""
+def digest(action: Any) -> bytes:
+    """Return a digest of an action's curves, keys and modifiers, 16 bytes."""
     said = hashlib.blake2b(digest_size=16)
     for bag in compat.channelbags(action):
         for curve in bag.fcurves:

@@ -13,13 +13,13 @@ from typing import Any
 
 import bpy
 
-from . import changes, reporting
+from . import reporting
 from ._core import DermisError, core
 from .devices import platform_devices, skin_models
 from .film import film_objects
 from .jobs import Steps
 from .preferences import setting
-from .results import owners, store
+from .results import owners, same_inputs, store
 from .sampling import scene_sweep
 
 _kept: list[Any] = []  # empty, or one `KeptShares`: the results of fingers in earlier bakes
@@ -78,7 +78,7 @@ def prepared(scene: bpy.types.Scene, library: Any) -> Steps:
     Raises:
         DermisError: the scene cannot be sampled or rendered.
     """
-    if store.state(scene) not in ("none", "stale"):
+    if store.state(scene, wait=True) not in ("none", "stale"):
         return False
     taken: list[store.Taken] = []
     made = yield from bake(scene, library, noted=taken.append)
@@ -111,7 +111,7 @@ def verified(scene: bpy.types.Scene, library: Any) -> Steps:
         )
     with film_objects.paused(scene):
         tactile = scene_sweep.sample(scene, span=(int(result.clock.first), result.last))
-        taken, sweep = store.Taken.of(scene), tactile.chunks
+        taken, sweep = store.Taken.of(scene, (yield from same_inputs.reading(scene))), tactile.chunks
         steps = core.pipeline.inputs.sampled(tactile, library)
         try:
             while True:
@@ -131,7 +131,7 @@ def verified(scene: bpy.types.Scene, library: Any) -> Steps:
         raise DermisError("the bake was removed meanwhile", where=where, remedy="Bake again")
     differ = core.scene.content_hash.differences(owners.inputs_now(result), now)
     if differ:
-        changes.mark_dirty(differ[0])
+        store.outdate(scene)
         raise DermisError(
             "the scene has changed since the bake",
             where=where,
@@ -153,7 +153,7 @@ def _baked(
     yield from platform_devices.make_missing(scene)
     tactile = scene_sweep.sample(scene, span=span)
     if noted is not None:
-        noted(store.Taken.of(scene))
+        noted(store.Taken.of(scene, (yield from same_inputs.reading(scene))))
     sweep = tactile.chunks
     yield from skin_models.make_tables(tactile, library)
     skins = skin_models.solved_in(tactile, library)

@@ -36,6 +36,8 @@ _RELEVANT = (
 )
 
 _dirty: set[str] = set()
+_counts: dict[int, int] = {}  # by session uid: number of reported changes of data
+_beyond: dict[int, int] = {}  # by session uid: number of changes of files that belong to data
 _expected: set[int] = set()  # session uids of data whose next change concerns no bake
 _muted = 0
 _generation = 0
@@ -48,9 +50,9 @@ _names: tuple[tuple[int, str], ...] = ()  # session uids and names of objects wi
 
 
 def dirty() -> frozenset[str]:
-    """Return the names of data that changed since `clear_dirty`.
+    """Return the names of data that were reported as changed since `clear_dirty`.
 
-    If there are none, a bake made then still holds.
+    If there are none, a bake made then still holds. If there are some, it may: undo gives data back.
     """
     return frozenset(_dirty)
 
@@ -106,6 +108,25 @@ def mark_dirty(name: str = "settings") -> None:
         _dirty.add(name)
 
 
+def mark_beyond(changed: bpy.types.ID) -> None:
+    """Note a change that results depend on, and that no property of the data shows, such as of a file."""
+    _beyond[changed.session_uid] = beyond(changed.session_uid) + 1
+    mark_dirty(changed.name)
+
+
+def beyond(uid: int) -> int:
+    """Return the number of calls of `mark_beyond` for a data-block, by its session uid."""
+    return _beyond.get(uid, 0)
+
+
+def count(uid: int) -> int:
+    """Return how often Blender has reported a change of a data-block, by its session uid.
+
+    Undo of another change may be reported, too.
+    """
+    return _counts.get(uid, 0)
+
+
 def expect(changed: bpy.types.ID) -> None:
     """Note that no bake depends on the next change of a scene or an object."""
     _expected.add(changed.session_uid)
@@ -142,7 +163,9 @@ def note_updates(depsgraph: bpy.types.Depsgraph | None) -> bool:
             else (update.is_updated_transform or update.is_updated_geometry)
             and (type(update.id).__name__ in _RELEVANT or isinstance(update.id, bpy.types.Object))
         ):
+            uid = update.id.original.session_uid
             _dirty.add(update.id.name)
+            _counts[uid] = count(uid) + 1
             _edits += 1
             _forms += update.is_updated_geometry or not isinstance(update.id, bpy.types.Object)
             changed = True
@@ -186,6 +209,8 @@ def note_history() -> None:
 def note_file() -> None:
     """Note that another file was opened, and forget the changes of the last one."""
     _dirty.clear()
+    _counts.clear()
+    _beyond.clear()
     _look_at_clocks()
     _begin_generation("file")
 

@@ -79,7 +79,7 @@ def _parts(
     options: argparse.Namespace, scene: bpy.types.Scene, made: Any, folder: Path
 ) -> tuple[list[Path], list[Any]]:
     span = _span(options) or frames.frame_range(scene)
-    result = store.Result(made, scene_time.clock(scene, span[0]), -1, ())
+    result = store.Result(made, scene_time.clock(scene, span[0]), None, ())
     active = identity.named(scene, options.finger) if options.finger else scene.view_layers[0].objects.active
     if options.finger and active is None:
         raise DermisError(

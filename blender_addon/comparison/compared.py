@@ -13,13 +13,14 @@ from typing import Any
 
 import bpy
 
-from .. import changes, identity
+from .. import identity
 from .._core import core
 from ..devices import skin_models
 from ..film import film_objects
 from ..identity import Place
 from ..jobs import Steps
 from ..preferences import library, presets_folder
+from ..results import same_inputs
 from ..sampling import scene_sweep
 
 
@@ -29,14 +30,14 @@ class Compared:
 
     Attributes:
         table: table of the panel, see the engine's `comparison.report.as_dict`. csv, html: contents of the files.
-        edits: value of `changes.edits()` when the comparison was made.
+        inputs: the contents of the scene when it was kept; None before.
         place: place of the finger, which finds it under another name as well.
     """
 
     table: Mapping[str, Any]
     csv: bytes
     html: bytes
-    edits: int
+    inputs: same_inputs.Inputs | None
     place: Place | None = None
 
     @property
@@ -54,9 +55,18 @@ def current(scene: bpy.types.Scene) -> Compared | None:
     return _compared.get(scene.session_uid)
 
 
+def holds(scene: bpy.types.Scene, made: Any) -> bool:
+    """Return whether the scene is as it was when a result was kept, see `same_inputs.hold`.
+
+    Args:
+        made: a `Compared` or a `Told`.
+    """
+    return made.inputs is not None and same_inputs.hold(scene, made.inputs)
+
+
 def keep(scene: bpy.types.Scene, made: Compared) -> None:
     """Keep a comparison for the session."""
-    _compared[scene.session_uid] = replace(made, edits=changes.edits())
+    _compared[scene.session_uid] = replace(made, inputs=same_inputs.of(scene))
 
 
 def find(scene: bpy.types.Scene, finger: str, *, floors: bool = False) -> Steps:
@@ -72,7 +82,7 @@ def find(scene: bpy.types.Scene, finger: str, *, floors: bool = False) -> Steps:
     """
     place = place_of(scene, finger)
     made = yield from asked("compare", "comparing", scene, finger, floors=floors)
-    return Compared(json.loads(made["table"]), made["csv"], made["html"], changes.edits(), place)
+    return Compared(json.loads(made["table"]), made["csv"], made["html"], None, place)
 
 
 def place_of(scene: bpy.types.Scene, finger: str) -> Place | None:

@@ -13,11 +13,10 @@ from typing import Any
 
 import bpy
 
-from .. import changes
 from .._core import core
 from ..identity import Place
 from ..jobs import Steps
-from ..results import store
+from ..results import same_inputs, store
 from . import compared
 
 
@@ -27,13 +26,13 @@ class Told:
 
     Attributes:
         table: table of the panel, see the engine's `told_report.as_dict`. csv: contents of the file.
-        edits: value of `changes.edits()` when it was computed.
+        inputs: the contents of the scene when it was kept; None before.
         place: place of the finger, which finds it under another name as well.
     """
 
     table: Mapping[str, Any]
     csv: bytes
-    edits: int
+    inputs: same_inputs.Inputs | None
     place: Place | None = None
 
 
@@ -47,7 +46,7 @@ def current(scene: bpy.types.Scene) -> Told | None:
 
 def keep(scene: bpy.types.Scene, made: Told) -> None:
     """Keep a result for the session."""
-    _told[scene.session_uid] = replace(made, edits=changes.edits())
+    _told[scene.session_uid] = replace(made, inputs=same_inputs.of(scene))
 
 
 def check_touches(scene: bpy.types.Scene, finger: str) -> None:
@@ -75,7 +74,7 @@ def find(scene: bpy.types.Scene, finger: str) -> Steps:
     """
     place = compared.place_of(scene, finger)
     made = yield from compared.asked("tell-apart", "telling apart", scene, finger)
-    return Told(json.loads(made["table"]), made["csv"], changes.edits(), place)
+    return Told(json.loads(made["table"]), made["csv"], None, place)
 
 
 def save(made: Told, folder: Path) -> Path:

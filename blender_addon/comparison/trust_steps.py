@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import bpy
 
-from .. import changes
 from .._core import DermisError, core
 from ..devices import skin_models
 from ..film import film_objects
 from ..jobs import Steps
 from ..preferences import library
-from ..results import store, trusted
+from ..results import same_inputs, store, trusted
 from . import compared
 
 
@@ -26,10 +25,9 @@ def find(scene: bpy.types.Scene) -> Steps:
         DermisError: the scene cannot be sampled or rendered, or there is no track and no skin to judge.
     """
     yield core.pipeline.bake.Progress("preparing", 0, 1)
-    taken = store.Taken.of(scene)
+    taken = store.Taken.of(scene, (yield from same_inputs.reading(scene)))
     with film_objects.paused(scene):
         tactile = yield from compared.sampled(scene)
-    edits = changes.edits()
     yield from skin_models.make_tables(tactile, library())
     steps = core.comparison.trust_band.trust_bands(tactile, library(), cache=skin_models.cache())
     while True:
@@ -46,4 +44,4 @@ def find(scene: bpy.types.Scene) -> Steps:
             where=f"scene '{scene.name_full}'",
             remedy="Look at the findings of the bake, correct the scene, and bake again",
         )
-    return trusted.keep(scene, bands, edits, taken)
+    return trusted.keep(scene, bands, taken)

@@ -35,7 +35,7 @@ class DERMIS_OT_make_table(jobs.Job, bpy.types.Operator):
 
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Report the size of the table."""
-        changes.mark_dirty(context.object.name)
+        changes.mark_beyond(context.object)
         platform_preview.reset()
         device_preview.reset()
         asked = result.meta.get("asked", len(result.commands))

@@ -60,7 +60,7 @@ class DERMIS_OT_open_map(File, bpy.types.Operator):
         screen.source = "SEQUENCE" if screen.source == "SEQUENCE" else "FILE"
         for name in SETTINGS:
             setattr(screen, name, getattr(self, name))
-        changes.mark_dirty(context.object.name)
+        changes.mark_beyond(context.object)
         height_maps.look(context.object)
         offered = height_maps.offered(context.object)
         for finding in offered:

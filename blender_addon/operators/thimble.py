@@ -39,7 +39,7 @@ two minutes, and about four times as long for neo-Hookean tissue. Esc cancels"""
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Report the test errors."""
         thimble_devices.forget()
-        changes.mark_dirty(context.object.name)
+        changes.mark_beyond(context.object)
         ridge, network = result["errors"].tolist()
         self.report(
             {"INFO"},

@@ -5,7 +5,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import changes, choices, reporting
+from .. import choices, reporting
 from .._core import core
 from ..hands import bone_names
 from ..layouts import paragraph, properties
@@ -110,7 +110,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
             return
         if state == "stale":
             box = layout.box()
-            changed = sorted({"undo": "an undo"}.get(name, name) for name in changes.dirty())
+            changed = store.changed(scene)
             cause = f": {', '.join(changed[:3])}{', ...' if len(changed) > 3 else ''}" if changed else ""
             paragraph(box, context, f"Out of date. The scene changed after the bake{cause}. Bake again.", "ERROR")
         elif state == "earlier":

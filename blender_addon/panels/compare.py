@@ -4,7 +4,7 @@ from typing import Any
 
 import bpy
 
-from .. import changes, choices
+from .. import choices
 from ..comparison import compared
 from ..layouts import paragraph
 from ..polls import needs
@@ -32,7 +32,7 @@ class DERMIS_PT_compare(DermisPanel, bpy.types.Panel):
         if found is None:
             paragraph(layout, context, "Sends the active finger's touch through every device preset that fits it.")
             return
-        if found.edits != changes.edits():
+        if not compared.holds(context.scene, found):
             paragraph(layout, context, "The scene changed since: compare again.", "ERROR")
         finger = compared.called(context.scene, found.table, found.place)
         layout.label(text=f"{finger}: error, target → rendered", icon="VIEW_PAN")

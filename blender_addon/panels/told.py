@@ -4,7 +4,6 @@ from typing import Any
 
 import bpy
 
-from .. import changes
 from ..comparison import compared, told
 from ..layouts import paragraph
 from ..polls import needs
@@ -36,7 +35,7 @@ class DERMIS_PT_told(DermisPanel, bpy.types.Panel):
                 "them apart, for the real touches and for each device.",
             )
             return
-        if found.edits != changes.edits():
+        if not compared.holds(context.scene, found):
             paragraph(layout, context, "The scene has changed: compute it again.", "ERROR")
         table = found.table
         for k, touch in enumerate(table["touches"], 1):

@@ -233,7 +233,7 @@ def _rendered(
     frame: float,
 ) -> Preview:
     bake = core.pipeline.bake.Bake(outputs, (), {}, "")
-    result = store.Result(bake, scene_time.Clock(sample.fps, trail.first), -1, ())
+    result = store.Result(bake, scene_time.Clock(sample.fps, trail.first), None, ())
     note = origin(_live.first, _live.since, begins=trail.taken == 1)
     return Preview(frame, "live", note, tuple(baked_row(result, output, frame) for output in outputs))
 

@@ -25,7 +25,7 @@ from ..preferences import setting, user_folder
 from ..properties import skin_properties
 from ..sampling import script_changes
 from ..sampling.frames import frame_range
-from . import owners, stored_skins
+from . import owners, same_inputs, stored_skins
 
 RESULT_VERSION = 3
 READ = (3, 2, 1)  # versions that can be read; in version 1 skin does not stiffen, in version 2 it does so by a series
@@ -44,7 +44,7 @@ class Result:
     Attributes:
         bake: the engine's `Bake`.
         clock: clock of the tracks.
-        edits: value of `changes.edits()` when the scene was sampled; -1 for a result of an earlier session.
+        inputs: the contents of the scene when it was sampled; None for a result of an earlier session.
         fingerprint: the scene settings that no change handler reports.
         skins: size, material and accuracy of every skin of the bake; its model is made from these again.
         owners: the fingers of the bake, by their names at that time.
@@ -55,7 +55,7 @@ class Result:
 
     bake: core.pipeline.bake.Bake
     clock: scene_time.Clock
-    edits: int
+    inputs: same_inputs.Inputs | None
     fingerprint: tuple[Any, ...]
     skins: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     owners: owners.Owners = field(default_factory=dict)
@@ -71,18 +71,28 @@ class Taken:
     owners: owners.Owners
     clock: scene_time.Clock
     span: tuple[int, int]
-    edits: int
+    inputs: same_inputs.Inputs
     fingerprint: tuple[Any, ...]
     skins: Mapping[str, Mapping[str, Any]]
 
     @classmethod
-    def of(cls, scene: bpy.types.Scene) -> Taken:
-        """Note the state of a scene; give its fingers and devices identities."""
+    def of(cls, scene: bpy.types.Scene, read: same_inputs.Inputs | None = None) -> Taken:
+        """Note the state of a scene; give its fingers and devices identities.
+
+        Args:
+            read: the contents of the scene, if they have just been read; otherwise they are read at once.
+        """
         span = frame_range(scene)
         action_content.look()
         skins = {obj.name_full: skin_of(obj) for obj in identity.fingers(scene)}
-        clock = scene_time.clock(scene, span[0])
-        return cls(owners.of(scene), clock, span, changes.edits(), fingerprint(scene), skins)
+        clock, told = scene_time.clock(scene, span[0]), owners.of(scene)
+        if read is None or read.edits != changes.edits():
+            read = same_inputs.of(scene)
+        return cls(told, clock, span, read, fingerprint(scene), skins)
+
+    def holds(self, scene: bpy.types.Scene) -> bool:
+        """Return whether the scene is in this state, see `same_inputs.hold`."""
+        return self.fingerprint == fingerprint(scene) and same_inputs.hold(scene, self.inputs)
 
 
 _results: dict[int, Result] = {}
@@ -124,9 +134,9 @@ def keep(scene: bpy.types.Scene, bake: core.pipeline.bake.Bake, taken: Taken | N
     was = taken or Taken.of(scene)
     skins = {name: was.skins[name] for name in bake.skins if name in was.skins}
     whose = owners.whose(was.owners, bake.outputs)
-    kept = Result(bake, was.clock, was.edits, was.fingerprint, skins, was.owners, whose, {}, was.span[1])
+    kept = Result(bake, was.clock, was.inputs, was.fingerprint, skins, was.owners, whose, {}, was.span[1])
     _results[scene.session_uid] = kept
-    if was.edits == changes.edits():
+    if was.inputs.edits == changes.edits():
         changes.clear_dirty()
     return kept
 
@@ -140,19 +150,39 @@ def current(scene: bpy.types.Scene) -> Result | None:
     return None if kept is None else owners.as_now(scene, kept)
 
 
-def state(scene: bpy.types.Scene) -> str:
+def state(scene: bpy.types.Scene, *, wait: bool = False) -> str:
     """Return the state of a scene's result.
 
-    It is 'none', 'fresh', 'stale' or 'earlier'. 'stale' means that the scene has changed since, 'earlier'
-    that the result is from an earlier session.
+    It is 'none', 'fresh', 'stale' or 'earlier'. 'stale' means that the scene has changed since, or that this is not
+    known yet; 'earlier' that the result is from an earlier session.
+
+    Args:
+        wait: find out at once whether the scene has changed, however long that takes.
     """
     result = _results.get(scene.session_uid)
     if result is None:
         return "none"
-    if result.edits < 0:
+    if result.inputs is None:
         return "earlier"
-    same = result.edits == changes.edits() or result.bake.recorded
-    return "fresh" if same and result.fingerprint == fingerprint(scene) else "stale"
+    if result.fingerprint != fingerprint(scene):
+        return "stale"
+    return "fresh" if result.bake.recorded or same_inputs.hold(scene, result.inputs, wait=wait) else "stale"
+
+
+def changed(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """Return what has changed since the bake, for people: names of data, and 'settings' for the scene's own."""
+    result = _results.get(scene.session_uid)
+    if result is None or result.inputs is None:
+        return ()
+    own = ("settings",) if result.fingerprint != fingerprint(scene) else ()
+    return (*own, *same_inputs.changed(result.inputs))
+
+
+def outdate(scene: bpy.types.Scene) -> None:
+    """Mark the result as out of date until the next bake, because a new sampling gave another input."""
+    kept = _results.get(scene.session_uid)
+    if kept is not None:
+        _results[scene.session_uid] = replace(kept, inputs=same_inputs.Inputs(-1, None))
 
 
 def confirm(scene: bpy.types.Scene, taken: Taken) -> None:
@@ -162,14 +192,15 @@ def confirm(scene: bpy.types.Scene, taken: Taken) -> None:
     """
     kept = _results.get(scene.session_uid)
     if kept is not None and taken.span == (int(kept.clock.first), kept.last):
-        _results[scene.session_uid] = replace(kept, edits=taken.edits, fingerprint=taken.fingerprint)
-        if taken.edits == changes.edits():
+        _results[scene.session_uid] = replace(kept, inputs=taken.inputs, fingerprint=taken.fingerprint)
+        if taken.inputs.edits == changes.edits():
             changes.clear_dirty()
 
 
 def forget() -> None:
     """Drop every result from memory; stored ones stay."""
     _results.clear()
+    same_inputs.forget()
     owners.forget()
 
 
@@ -373,4 +404,4 @@ def _read(path: Path) -> Result:
         )
         made_of = {e["finger"]: {"skin": e["skin"], "level": e["level"]} for e in header.get("skins", [])}
         clock = scene_time.Clock(Fraction(header["fps"]), float(header["first"]))
-        return replace(Result(bake, clock, -1, (), made_of), last=int(header.get("last", 0)))
+        return replace(Result(bake, clock, None, (), made_of), last=int(header.get("last", 0)))

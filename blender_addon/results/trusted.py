@@ -12,7 +12,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import changes, scene_time
 from .._core import Array, core
 from . import store
 from .lanes import Lane, Mark, Series, marks_of
@@ -24,16 +23,13 @@ class Trusted:
 
     Attributes:
         bands: bands of devices, in the order of a bake's outputs, and then of skins.
-        edits: value of `changes.edits()` when the scene was sampled.
-        fingerprint: the scene settings that no change handler reports, as in `store`.
-        clock: clock of the bands' times. findings: warnings about the bands, with their frames.
+        taken: the state of the scene when it was sampled, and the clock of the bands' times.
+        findings: warnings about the bands, with their frames.
         marks: marks for the strip.
     """
 
     bands: tuple[Any, ...]
-    edits: int
-    fingerprint: tuple[Any, ...]
-    clock: scene_time.Clock
+    taken: store.Taken
     findings: tuple[Any, ...]
     marks: tuple[Mark, ...]
 
@@ -45,7 +41,7 @@ class Trusted:
         found: dict[str, list[Series]] = {}
         for band in self.bands:
             doubtful = (band.spread > core.comparison.trust_band.DOUBT * band.felt).any(axis=1)
-            frames = np.asarray(self.clock.frames(band.times))
+            frames = np.asarray(self.taken.clock.frames(band.times))
             found.setdefault(band.finger, []).append(Series(frames, doubtful.astype(np.float64)))
         return tuple(Lane(x.finger, {**x.series, "doubt": tuple(found.get(x.finger, ()))}) for x in lanes)
 
@@ -61,9 +57,7 @@ def forget() -> None:
 def current(scene: bpy.types.Scene) -> Trusted | None:
     """Return the scene's bands; None without any, or if the scene has changed."""
     made = _trusted.get(scene.session_uid)
-    if made is None or made.edits != changes.edits() or made.fingerprint != store.fingerprint(scene):
-        return None
-    return made
+    return made if made is not None and made.taken.holds(scene) else None
 
 
 def spreads(scene: bpy.types.Scene, bake: Any) -> Mapping[int, Array]:
@@ -80,14 +74,13 @@ def spreads(scene: bpy.types.Scene, bake: Any) -> Mapping[int, Array]:
     }
 
 
-def keep(scene: bpy.types.Scene, bands: tuple[Any, ...], edits: int, taken: store.Taken) -> Trusted:
+def keep(scene: bpy.types.Scene, bands: tuple[Any, ...], taken: store.Taken) -> Trusted:
     """Keep a scene's bands for the session.
 
     Args:
-        edits: value of `changes.edits()` when the scene was sampled. taken: the state of the scene before that.
+        taken: the state of the scene when it was sampled.
     """
-    clock = taken.clock
     told = ((band, band.finding) for band in bands)
-    found = tuple(replace(f, frame=float(clock.frames(band.worst_time))) for band, f in told if f is not None)
-    made = _trusted[scene.session_uid] = Trusted(bands, edits, taken.fingerprint, clock, found, marks_of(found))
+    found = tuple(replace(f, frame=float(taken.clock.frames(band.worst_time))) for band, f in told if f is not None)
+    made = _trusted[scene.session_uid] = Trusted(bands, taken, found, marks_of(found))
     return made

@@ -84,6 +84,6 @@ def of_file(scene: bpy.types.Scene) -> Preview | None:
         return None
     output = core.pipeline.bake.Output(named if named in fingers else fingers[0], track.spec.key, track, {}, ())
     bake = core.pipeline.bake.Bake((output,), (), {}, "")
-    result = store.Result(bake, streamed_track.origin(scene), -1, ())
+    result = store.Result(bake, streamed_track.origin(scene), None, ())
     frame = moment.frame_of(scene)
     return Preview(frame, "file", "from a track file", (device_preview.baked_row(result, output, frame),))

@@ -179,7 +179,6 @@ def test_what_does_not_matter_is_exported_and_played(scene: Any, tmp_path: Path)
     bpy.data.objects["Moved"].name = "Cube"
     bpy.data.objects["Moved.001"].name = "Moved"
     bpy.app.handlers.frame_change_pre.remove(mover)
-    changes.mark_dirty()
     assert store.state(scene) == "stale" and exported(tmp_path)
     assert store.state(scene) == "fresh", "it is shown that nothing has changed"
     scene.dermis_stream.mode = "play"
@@ -225,7 +224,8 @@ def test_a_change_while_it_bakes_makes_the_bake_out_of_date(scene: Any) -> None:
     steps = baking.bake(scene, preferences.library(), noted=taken.append)
     while not taken or changes.sweeping():
         next(steps)
-    changes.mark_dirty("somebody")
+    scene.objects["Finger"].location.x += 1e-4
+    bpy.context.view_layer.update()
     with pytest.raises(StopIteration) as made:
         while True:
             next(steps)

@@ -40,7 +40,83 @@ def test_undo_takes_back_a_setting_and_a_role() -> None:
     assert changes.generation() > before
 
 
-def test_undo_makes_a_bake_out_of_date_and_ends_the_trail() -> None:
+def redo() -> None:
+    """Redo one step."""
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        assert bpy.ops.ed.redo() == {"FINISHED"}
+
+
+def test_undo_of_what_no_bake_depends_on_leaves_bakes_current() -> None:
+    scene = baked()
+    for name, value in (("live_preview", False), ("twin_exaggeration", 3.0), ("export_format", "json")):
+        setattr(scene.dermis, name, value)
+        push(name)
+        assert store.state(scene) == "fresh", name
+        undo()
+        scene = bpy.context.scene
+        assert getattr(scene.dermis, name) != value
+        assert store.state(scene) == "fresh", name
+
+
+def test_undo_of_a_change_makes_the_bake_current_again_and_redo_out_of_date() -> None:
+    baked()
+    for change in (
+        lambda: setattr(bpy.data.objects["Finger"].dermis.finger.devices[0], "enabled", False),
+        lambda: setattr(bpy.data.objects["Cube"].dermis.material, "friction", 0.123),
+        lambda: setattr(bpy.data.objects["Cube"].data.vertices[0].co, "x", 0.5),
+        lambda: bpy.data.objects.remove(bpy.data.objects["Cube"]),
+        lambda: setattr(bpy.context.scene.dermis, "sample_rate", 500.0),
+    ):
+        change()
+        bpy.context.view_layer.update()
+        push("changed")
+        assert store.state(bpy.context.scene) == "stale" and store.changed(bpy.context.scene)
+        undo()
+        assert store.state(bpy.context.scene) == "fresh"
+        redo()
+        assert store.state(bpy.context.scene) == "stale"
+        undo()
+        assert store.state(bpy.context.scene) == "fresh"
+
+
+def test_another_scene_of_the_file_concerns_no_bake_of_this_one() -> None:
+    scene = baked()
+    other = bpy.data.scenes.new("Other")
+    own = bpy.data.objects.new("Own", bpy.data.objects["Cube"].data.copy())
+    own.dermis.role = "TOUCHABLE"
+    other.collection.objects.link(own)
+    shared = bpy.data.objects.new("Shared", bpy.data.objects["Cube"].data)
+    other.collection.objects.link(shared)
+    push("ready")
+    assert store.state(scene) == "fresh"
+    own.dermis.material.friction = 0.321
+    other.dermis.sample_rate = 500.0
+    push("other scene")
+    assert store.state(bpy.context.scene) == "fresh"
+    undo()
+    scene = bpy.context.scene
+    assert bpy.data.objects["Own"].dermis.material.friction != pytest.approx(0.321)
+    assert store.state(scene) == "fresh"
+    bpy.data.objects["Shared"].data.vertices[0].co.x = 0.5  # which the cube of this scene has as well
+    bpy.data.objects["Shared"].data.update()
+    bpy.context.view_layer.update()
+    assert store.state(scene) == "stale" and store.changed(scene) == ("Cube",)
+
+
+def baked() -> bpy.types.Scene:
+    """Bake a finger with a device on a cube, and close an undo step."""
+    scene = span(1, 7)
+    hand = finger(location=(0.0, 0.0, 0.0302))
+    cube(size=0.06)
+    hand.dermis.finger.devices.add().preset = "haptip"
+    push("ready")
+    bpy.ops.dermis.bake()
+    push("baked")
+    assert store.state(scene) == "fresh"
+    return scene
+
+
+def test_undo_ends_the_trail_and_makes_a_bake_current_again() -> None:
     scene = span(1, 7)
     hand = finger(location=(0.0, 0.0, 0.0302))
     cube(size=0.06)
@@ -55,7 +131,7 @@ def test_undo_makes_a_bake_out_of_date_and_ends_the_trail() -> None:
     push("moved")
     undo()
     scene = bpy.context.scene
-    assert store.state(scene) == "stale"
+    assert store.state(scene) == "fresh"
     assert not device_preview._trail_ends_at(scene, 3.0)
     bpy.context.scene.frame_set(4)
     shown = device_preview.step(bpy.context)

@@ -82,7 +82,7 @@ def prepared(scene: bpy.types.Scene, library: Any) -> Steps:
         return False
     taken: list[store.Taken] = []
     made = yield from bake(scene, library, noted=taken.append)
-    reporting.show(tuple(keep(scene, made, taken[0])), f"Bake of {scene.name}")
+    reporting.show(tuple(keep(scene, made, taken[0])), f"Bake of {scene.name}", scene)
     return True
 
 

@@ -89,6 +89,15 @@ def find(scene: bpy.types.Scene) -> Generator[Any, None, Any]:
     return (yield from task.answer(spec, table, sensed, noise=settings.noise, skin=model, spread=not settings.table))
 
 
+def asked(scene: bpy.types.Scene) -> list[tuple[bpy.types.Scene | None, Path]]:
+    """Return the touches of a panel's list, each as a scene or, where that is None, as the path of a recording.
+
+    If the list is empty, this scene is the only touch.
+    """
+    listed = [(item.scene, Path(bpy.path.abspath(item.filepath))) for item in scene.dermis_design.touches]
+    return listed or [(scene, Path())]
+
+
 def touches(scene: bpy.types.Scene) -> tuple[dict[str, Any], dict[str, Any] | None]:
     """Return the readings of each touch in a panel's list, and their skin.
 
@@ -100,16 +109,15 @@ def touches(scene: bpy.types.Scene) -> tuple[dict[str, Any], dict[str, Any] | No
     task, settings = core.design.task, scene.dermis_design
     sensed: dict[str, Any] = {}
     skin: dict[str, Any] | None = None
-    for number, item in enumerate(settings.touches):
-        if item.scene is None:
-            path = Path(bpy.path.abspath(item.filepath))
+    for number, (touched, path) in enumerate(asked(scene)):
+        if touched is None:
             found = task.read_sensed([path])
         else:
-            own, found = _baked(item.scene, settings, number)
+            own, found = _baked(touched, settings, number)
             if skin is not None and own != skin:
                 raise DermisError(
                     "its finger has a different skin than the scenes before",
-                    where=f"scene '{item.scene.name}'",
+                    where=f"scene '{touched.name}'",
                     remedy="Use one size and accuracy of skin",
                 )
             skin = own

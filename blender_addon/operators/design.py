@@ -7,6 +7,7 @@ import bpy
 from bpy.props import EnumProperty
 
 from .. import baking, changes, jobs, reporting
+from .._core import DermisError
 from ..design import design_results
 from ..devices import platform_devices
 from ..panels import summary
@@ -14,7 +15,7 @@ from ..polls import needs
 from ..preferences import library
 from ..preview import device_preview, platform_preview
 from ..results import store
-from .work import File, Folder, Work, active_device, counted, listed
+from .work import File, Folder, Work, active_device, counted, listed, show_image
 
 
 @needs(
@@ -117,6 +118,7 @@ are listed. Scenes without a fresh bake are baked first; Esc cancels"""
     bl_label = "How Many Motors?"
     bl_options = {"REGISTER"}
     job_title = "How many motors"
+    after_cancel = "bakes that were done are kept; nothing else was changed"
 
     def steps(self, context: bpy.types.Context) -> Any:
         """Return the work."""
@@ -125,6 +127,8 @@ are listed. Scenes without a fresh bake are baked first; Esc cancels"""
     def finished(self, context: bpy.types.Context, result: Any) -> set[str]:
         """Write the new preset, draw the picture, and report the number of motors."""
         scene = context.scene
+        if not scene.dermis_design.touches:
+            scene.dermis_design.touches.add().scene = scene
         motors, n = result.motors(scene.dermis_design.rule), len(result.spec.channels)
         wanted = motors is not None or scene.dermis_design.motors > 0
         key = design_results.make_preset(scene, result) if wanted else ""
@@ -133,7 +137,7 @@ are listed. Scenes without a fresh bake are baked first; Esc cancels"""
         done = f"{said}. New device preset: {key}" if key else said
         findings = (*result.findings, *(design_results.preset_findings(key) if key else ()))
         reporting.report_findings(self, findings, self.bl_label, done)
-        _show(context)
+        show_image(context, bpy.data.images[design_results.IMAGE])
         return {"FINISHED"}
 
 
@@ -142,13 +146,10 @@ def _designed(scene: bpy.types.Scene) -> jobs.Steps:
 
     If no scene is listed, this scene is.
     """
-    settings = scene.dermis_design
     design_results.checked_spec(scene)  # refuses a device before the long work, not after it
-    if not settings.touches:
-        settings.touches.add().scene = scene
-    for item in settings.touches:
-        if item.scene is not None:
-            yield from baking.prepared(item.scene, library())
+    for touched, _ in design_results.asked(scene):
+        if touched is not None:
+            yield from baking.prepared(touched, library())
     return (yield from design_results.find(scene))
 
 
@@ -179,22 +180,28 @@ class DERMIS_OT_show_design(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Find or open an Image editor."""
-        if not _show(context):
-            self.report({"INFO"}, f"No window: the picture is image '{design_results.IMAGE}'")
+        image = bpy.data.images[design_results.IMAGE]
+        if show_image(context, image) is None:
+            self.report({"INFO"}, f"No window: the picture is {bpy.path.abspath(image.filepath)}")
         return {"FINISHED"}
 
 
-def _show(context: bpy.types.Context) -> bool:
-    """Show the picture in an Image editor; return False without a window."""
-    areas = [a for w in context.window_manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
-    if not areas:
-        if context.window is None or bpy.app.background:
-            return False
-        bpy.ops.wm.window_new()
-        areas = [context.window_manager.windows[-1].screen.areas[0]]
-        areas[0].type = "IMAGE_EDITOR"
-    areas[0].spaces.active.image = bpy.data.images[design_results.IMAGE]
-    return True
+@needs(lambda context: design_results.current(context.scene) is not None)
+class DERMIS_OT_open_design(Work, bpy.types.Operator):
+    """Open the picture's file, outside Blender"""
+
+    bl_idname = "dermis.open_design"
+    bl_label = "Open File"
+
+    def work(self, context: bpy.types.Context) -> str | None:
+        """Open it, if it is still there."""
+        answer: Any = design_results.current(context.scene)
+        if not answer.picture.is_file():
+            raise DermisError(
+                "the picture is no longer there", where=str(answer.picture), remedy="Press How Many Motors? again"
+            )
+        bpy.ops.wm.path_open(filepath=str(answer.picture))
+        return None
 
 
 @needs(lambda context: design_results.current(context.scene) is not None)
@@ -216,5 +223,6 @@ CLASSES: tuple[type, ...] = (
     DERMIS_OT_design,
     DERMIS_OT_design_preset,
     DERMIS_OT_show_design,
+    DERMIS_OT_open_design,
     DERMIS_OT_save_design,
 )

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import cast
 
 import bpy
 
 from ..polls import needs
 from ..results import plots, store, trusted
-from .work import Work, counted
+from .work import Work, counted, show_image
 
 SHOW_AFTER = 0.2  # [s]: a new window has no size before
 
@@ -30,24 +30,16 @@ class DERMIS_OT_show_plots(Work, bpy.types.Operator):
         active = context.object.name_full if context.object is not None else ""
         fingers = [output.finger for output in result.bake.outputs]
         shown = list(made.values())[fingers.index(active) if active in fingers else 0]
-        if context.window is not None and not bpy.app.background:
-            _show(context, shown)
+        place = show_image(context, shown)
+        if place is None:
+            return f"Drew {counted(len(made), 'plot')}: open an Image Editor and choose '{shown.name}' there"
+        if not bpy.app.background:
+            _fit(context, shown, *place)
         return f"Drew {counted(len(made), 'plot')}; the image editor's list has them all"
 
 
-def _show(context: bpy.types.Context, image: bpy.types.Image) -> None:
-    """Show an image in an open image editor, or in a new window."""
-    manager = context.window_manager
-    areas = [(w, a) for w in manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
-    if not areas:
-        bpy.ops.wm.window_new()
-        window = manager.windows[-1]
-        area = max(window.screen.areas, key=lambda a: a.width * a.height)
-        area.type = "IMAGE_EDITOR"
-        areas = [(window, area)]
-    window, area = areas[0]
-    space: Any = area.spaces.active
-    space.image = image
+def _fit(context: bpy.types.Context, image: bpy.types.Image, window: bpy.types.Window, area: bpy.types.Area) -> None:
+    """Let an image editor show a whole image, as soon as its window has a size."""
 
     def fit() -> None:
         region = next(r for r in area.regions if r.type == "WINDOW")

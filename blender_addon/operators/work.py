@@ -34,6 +34,8 @@ class Work:
             said = self.work(context)
         except DermisError as error:
             return reporting.report_error(self, error, subject)
+        if "UNDO" in self.bl_options and reporting.source() == subject:
+            reporting.belong_to_step(context.scene)
         if said:
             self.report({"INFO"}, said)
         return {"FINISHED"}
@@ -162,6 +164,25 @@ def follow(context: bpy.types.Context, obj: bpy.types.Object) -> None:
     obj.select_set(was)
     for other in others:
         other.select_set(True)
+
+
+def show_image(context: bpy.types.Context, image: bpy.types.Image) -> Any | None:
+    """Show an image in an open image editor, or in a new window.
+
+    Returns the window and the editor's area; None where there is no window to show it in.
+    """
+    manager = context.window_manager
+    areas = [(w, a) for w in manager.windows for a in w.screen.areas if a.type == "IMAGE_EDITOR"]
+    if not areas:
+        if context.window is None or bpy.app.background:
+            return None
+        bpy.ops.wm.window_new()
+        window = manager.windows[-1]
+        area = max(window.screen.areas, key=lambda a: a.width * a.height)
+        area.type = "IMAGE_EDITOR"
+        areas = [(window, area)]
+    areas[0][1].spaces.active.image = image
+    return areas[0]
 
 
 def counted(number: int, what: str = "file") -> str:

@@ -121,7 +121,7 @@ class DERMIS_PT_result(DermisPanel, bpy.types.Panel):
     def _tracks(self, bake: Any) -> None:
         fingers = tuple(output.finger for output in bake.outputs)
         names = core.track.file_names.numbered([f"{o.finger}: {o.track.spec.name}" for o in bake.outputs])
-        told = any(finding.code.startswith("limited-") for finding in reporting.findings())
+        told = any(finding.code.startswith("limited-") for finding in reporting.here(bpy.context.scene))
         for i in bone_names.order(fingers, fingers):
             box = self.layout.box().column(align=True)
             track = bake.outputs[i].track
@@ -190,13 +190,12 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Show the panel only if there are findings, and not of another scene."""
-        scene = reporting.source().partition(" of ")[2]
-        return bool(reporting.findings()) and scene in ("", context.scene.name)
+        """Show the panel only if there are findings of this scene."""
+        return bool(reporting.here(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the findings, errors first, each with a button that goes to its place."""
-        numbered = tuple(enumerate(reporting.findings()))
+        numbered = tuple(enumerate(reporting.here(context.scene)))
         if reporting.source():
             row = self.layout.row()
             row.active = False

@@ -42,8 +42,6 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         """Draw port, buttons and state."""
         layout, settings, now = self.layout, context.scene.dermis_stream, session.status()
         connected = session.connected()
-        if elsewhere := session.elsewhere(context.scene):
-            paragraph(layout, context, elsewhere, "ERROR")
         column = layout.column(align=True)
         column.enabled = not connected
         row = column.row(align=True)
@@ -57,8 +55,6 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         row = layout.row(align=True)
         row.alert = built.wrong
         row.menu("DERMIS_MT_built", text=built.name, icon="ERROR" if built.wrong else "TOOL_SETTINGS")
-        if built.message:
-            paragraph(layout, context, built.message, "ERROR" if built.wrong else "INFO")
         layout.prop(settings, "mode", expand=True)
         if settings.mode == "panel":
             layout.prop(settings, "screen_file", text="", placeholder="Screen map, as exported")
@@ -67,14 +63,6 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         else:
             text = choices.worn(settings.output) if settings.output else FIRST
             layout.menu("DERMIS_MT_stream_devices", text=text, icon="ANIM")
-        if settings.mode == "play" and (doubts := shown.doubts(context.scene)):
-            paragraph(layout, context, doubts, "ERROR")
-        ours = calibration_offers.is_ours(settings) and len(settings.channels) > 0
-        if settings.mode == "jog":
-            if ours:
-                layout.operator("dermis.stream_calibrate", text="All to the Safe Pose", icon="HOME").action = "SAFE"
-            else:
-                paragraph(layout, context, "Connect once: the actuators are then listed here.")
         row = layout.row(align=True)
         row.scale_y = 1.3
         if connected:
@@ -92,9 +80,15 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         stop.alert = bool(now.get("armed"))
         stop.enabled = connected
         stop.operator("dermis.stream_stop", text="Stop  (Shift Esc)", icon="CANCEL")
-        # Above the sliders, of which a device may have a hundred, Stop is always in sight.
-        for channel in settings.channels if settings.mode == "jog" and ours else ():
-            layout.prop(channel, "jog", text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")
+        # Below Stop, which thus stays in place, is what comes and goes, and sliders, of which a device may have many.
+        if elsewhere := session.elsewhere(context.scene):
+            paragraph(layout, context, elsewhere, "ERROR")
+        if built.message:
+            paragraph(layout, context, built.message, "ERROR" if built.wrong else "INFO")
+        if settings.mode == "play" and (doubts := shown.doubts(context.scene)):
+            paragraph(layout, context, doubts, "ERROR")
+        if settings.mode == "jog":
+            self._jog(context)
         row = layout.row(align=True)
         row.prop(settings, "use_log", icon="TEXT")
         if settings.use_log:
@@ -102,11 +96,21 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
             paragraph(layout, context, str(stream_log.folder(settings)), "BLANK1")
         self._state(context, now, built.wrong)
 
+    def _jog(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, context.scene.dermis_stream
+        if not (calibration_offers.is_ours(settings) and len(settings.channels)):
+            paragraph(layout, context, "Connect once: the actuators are then listed here.")
+            return
+        layout.operator("dermis.stream_calibrate", text="All to the Safe Pose", icon="HOME").action = "SAFE"
+        for channel in settings.channels:
+            layout.prop(channel, "jog", text=f"{channel.name.replace('_', ' ')} [{channel.unit}]")
+
     def _state(self, context: bpy.types.Context, now: dict[str, Any], another: bool) -> None:
         layout = self.layout
         if session.leaving():
             paragraph(layout, context, session.leaving(), "TIME")
-        layout.label(text=now["state"].capitalize(), icon=_icons().get(now["state"], "QUESTION"))
+        ends = "..." if now["state"] == core.stream.state.State.CONNECTING else ""
+        layout.label(text=now["state"].capitalize() + ends, icon=_icons().get(now["state"], "QUESTION"))
         if now.get("message"):
             ready = now["state"] == core.stream.state.State.READY
             paragraph(layout, context, now["message"], "INFO" if ready and not another else "ERROR")

@@ -164,6 +164,9 @@ class DermisScene(bpy.types.PropertyGroup):
     bake_key: StringProperty(description="Which stored result the last bake gave", options={"HIDDEN"})
     bake_owners: StringProperty(description="Fingers and devices of the last bake", options={"HIDDEN"})
     active_finding: IntProperty(description="Place in the list of findings", default=-1, options={"HIDDEN"})
+    findings_step: IntProperty(
+        description="Undo step that the listed findings belong to", options={"HIDDEN"}, update=unfelt
+    )
 
 
 def settle() -> None:

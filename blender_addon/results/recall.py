@@ -38,13 +38,13 @@ def work() -> int:
             try:
                 result = store.load(scene) if store.has_owner(scene) else None
             except DermisError as error:
-                reporting.show((error.as_finding(),), f"Stored bake of {scene.name}")
+                reporting.show((error.as_finding(),), f"Stored bake of {scene.name}", scene)
                 continue
             if result is not None:
                 found += 1
                 now = store.current(scene)
                 if scene == bpy.context.scene and now is not None:
-                    reporting.show(now.bake.all_findings, f"Stored bake of {scene.name}")
+                    reporting.show(now.bake.all_findings, f"Stored bake of {scene.name}", scene)
     return found
 
 

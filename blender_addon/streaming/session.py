@@ -40,6 +40,7 @@ _leaving = ""  # in words, the remaining work of closed senders, and why streams
 _published: tuple[float | None, tuple[float, ...]] = (None, ())  # time and values of the last heartbeat
 _mode = ""  # the scene's mode at the last heartbeat
 _heartbeats = 0
+_taken_up = False  # the sender has taken up the request to connect; before that, its state is 'disconnected'
 _restored = False  # undo or redo has changed settings, and the sender does not have them yet
 _ports: list[tuple[str, str]] = []
 _boards: dict[str, str] = {}  # addresses of paired boards, by name
@@ -136,7 +137,7 @@ def connect(scene: bpy.types.Scene) -> None:
         DermisError: a file that the .blend names was not confirmed; there is no device; a setting is not valid; or the
             process cannot be started.
     """
-    global _client, _preset, _scene, _status
+    global _client, _preset, _scene, _status, _taken_up
     settings = scene.dermis_stream
     agreed_paths.check(settings)
     close()
@@ -155,7 +156,7 @@ def connect(scene: bpy.types.Scene) -> None:
     except DermisError:
         close()
         raise
-    _scene, _preset = scene.session_uid, key
+    _scene, _preset, _taken_up = scene.session_uid, key, False
     _status = {"state": core.stream.state.State.CONNECTING, "message": "", "armed": False}
     heartbeat()
     _start_timer()
@@ -294,7 +295,7 @@ def heartbeat() -> None:
     While a bake or a render steps through the frames, the last published time and values are sent again: nobody plays
     or scrubs then.
     """
-    global _leaving, _mode, _published, _restored, _status
+    global _leaving, _mode, _published, _restored, _status, _taken_up
     if _leaving:
         _leaving = core.stream.client.leaving()
     if _client is None:
@@ -322,6 +323,10 @@ def heartbeat() -> None:
     moment, values = _published
     _client.heartbeat(playing=playing, time=moment, values=values)
     _status = _client.status()
+    state = core.stream.state.State
+    _taken_up = _taken_up or _status["state"] != state.DISCONNECTED or bool(_status.get("message"))
+    if not _taken_up:
+        _status["state"] = state.CONNECTING
     calibrated_as = scene.dermis_stream.channels_file
     met = board_identity.meet(scene, _status)
     if scene.dermis_stream.channels_file != calibrated_as:  # the list is now calibrated as the device that answered

@@ -46,12 +46,13 @@ _key_frames: core.recent.Recent[tuple[Any, ...], tuple[float, ...]] = core.recen
 
 
 def of(scene: bpy.types.Scene) -> Strip | None:
-    """Return the contents of a scene's strip; None without bake and preview."""
+    """Return the contents of a scene's strip; None without a bake and without a touch in the preview."""
     state, result = store.state(scene), store.current(scene)
     live = () if state == "fresh" else live_lanes.of(scene)
     if result is None:
         _baked.pop(scene.session_uid, None)
-        return Strip((), live, (), "live") if live else None
+        touched = any(lane.most("touch") or lane.most("force") for lane in live)
+        return Strip((), live, (), "live") if touched else None
     kept, told = _baked.get(scene.session_uid), trusted.current(scene)
     if kept is None or kept[0] is not result or kept[1] is not told:
         lanes, marks = lanes_of(result), marks_of(result.bake.all_findings)

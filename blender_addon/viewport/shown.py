@@ -73,6 +73,9 @@ class Frame(NamedTuple):
     lineage: int
 
 
+COLOURS_FOLLOW = "from the bake; its colours are being computed"
+BAKE_FOLLOWS = "the baked touch is being computed"  # of a skin as a device renders it
+
 _frames: dict[int, Frame] = {}  # by the scene's session uid
 _doubts: dict[int, tuple[doubtful.Doubt, ...]] = {}  # about the scene itself
 _keys: dict[int, tuple[Any, ...]] = {}  # by the scene's session uid: the inputs of the last work, see `_key`
@@ -161,6 +164,7 @@ def _loaded(scene: bpy.types.Scene) -> bool:
 def _steps() -> slices.Steps:
     """Compute everything piece by piece; `renew` then finds the results."""
     scene = yield
+    _take_bake(scene)
     while not loading.at_rest():  # unfinished work of an earlier frame
         scene = yield
     if device_preview.read(scene):
@@ -185,6 +189,23 @@ def _steps() -> slices.Steps:
     renew(scene, states)
     scene = yield
     _doubts[scene.session_uid] = doubtful.of(scene, _layer(scene))
+
+
+def _take_bake(scene: bpy.types.Scene) -> None:
+    """Put a fresh bake in place of the live preview at once; its colours follow when they are computed."""
+    kept = _frames.get(scene.session_uid)
+    if kept is None or kept.frame != moment.frame_of(scene) or store.state(scene) != "fresh":
+        return
+    live = [s for s in kept.skins.states if s.source == "live"]
+    if live:
+        baked = {s.finger: replace(s, note=COLOURS_FOLLOW) for s in skin_preview.own(scene)}
+        states = (baked.get(s.finger, replace(s, source="none", note=BAKE_FOLLOWS)) for s in kept.skins.states)
+        kept = kept._replace(skins=kept.skins._replace(states=tuple(states)))
+    if kept.devices is not None and kept.devices.source == "live":
+        shown = devices(scene)
+        rows = shown.rows if shown is not None else ()
+        kept = kept._replace(devices=shown, twins=tuple(twins.twin_of(scene, row) for row in rows))
+    _frames[scene.session_uid] = kept
 
 
 def renew(scene: bpy.types.Scene, states: tuple[SkinState, ...] | None = None) -> Frame:

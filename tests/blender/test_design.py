@@ -12,6 +12,7 @@ from blender_addon import changes, choices
 from blender_addon._core import core
 from blender_addon.design import design_results
 from blender_addon.devices import platform_devices
+from blender_addon.operators import design
 from blender_addon.preferences import library
 from blender_addon.results import store
 from core.steps import drain
@@ -88,6 +89,34 @@ def test_the_picture_is_an_image_of_the_file_and_a_png(baked) -> None:
     assert bpy.ops.dermis.show_design() == {"FINISHED"}
     bpy.ops.dermis.design()  # again: the same image, not another one
     assert sum(i.name.startswith(design_results.IMAGE) for i in bpy.data.images) == 1
+
+
+def test_without_an_image_editor_the_panel_has_the_results_and_the_place_of_the_picture(baked) -> None:
+    scene, _, _ = baked
+    editors = {area.type for window in bpy.context.window_manager.windows for area in window.screen.areas}
+    assert "IMAGE_EDITOR" not in editors
+    assert bpy.ops.dermis.design() == {"FINISHED"}
+    answer, layout = design_results.current(scene), Anything()
+    Panel(bpy.types.DERMIS_PT_design, layout).draw(bpy.context)
+    said = " ".join(layout.words)
+    assert "motors" in layout.words and str(answer.picture) in said.replace(" ", "") + said
+    assert answer.picture.is_file() and bpy.ops.dermis.open_design.poll()
+    assert bpy.ops.dermis.show_design() == {"FINISHED"}
+    answer.picture.unlink()
+    with pytest.raises(RuntimeError, match="no longer there"):
+        bpy.ops.dermis.open_design()
+    made = bpy.ops.dermis.show_plots()
+    assert made == {"FINISHED"} and any(image.name.startswith("Plot ") for image in bpy.data.images)
+
+
+def test_a_cancelled_search_leaves_the_list_of_touches(baked) -> None:
+    scene, _, _ = baked
+    bpy.ops.dermis.remove_design_touch()
+    assert not scene.dermis_design.touches
+    steps = design._designed(scene)
+    next(steps)
+    steps.close()  # as Esc does
+    assert not scene.dermis_design.touches
 
 
 def test_the_picture_opens_by_itself_where_an_image_editor_is_there(baked) -> None:

@@ -191,6 +191,19 @@ def test_live_follows_a_movement_as_the_bake_does(holding: bpy.types.Scene) -> N
     assert np.interp(0.5, baked.times, baked.column("tactor_y")) == pytest.approx(exact, rel=0.02)
 
 
+def test_a_bake_is_shown_at_once_in_place_of_the_live_preview(holding: bpy.types.Scene) -> None:
+    holding.frame_set(9)
+    views.work()
+    assert views.now(holding).devices.source == "live"
+    bpy.ops.dermis.bake()
+    steps = views._steps()
+    next(steps)
+    steps.send(holding)  # the first piece of the work that follows the bake; the rest may take seconds
+    steps.close()
+    shown = views.now(holding)
+    assert shown.devices.source == "bake" and len(shown.twins) == len(shown.devices.rows)
+
+
 def test_a_change_makes_the_bake_stale_and_live_takes_over(holding: bpy.types.Scene) -> None:
     bpy.ops.dermis.bake()
     assert store.state(holding) == "fresh"

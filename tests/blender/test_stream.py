@@ -19,6 +19,7 @@ from blender_addon.viewport import cards
 from blender_addon.viewport import shown as views
 
 from .build import finger, keep
+from .stand_in import Anything, Panel
 
 pytestmark = pytest.mark.real_time
 
@@ -82,6 +83,37 @@ def heard(status: dict[str, Any]) -> np.ndarray:
     """Return where the device says its two pulleys are; it may not have said anything yet."""
     values = status["received"]["values"]
     return np.array([values.get(name, np.nan) for name in ("pulley_1", "pulley_2")])
+
+
+def test_while_it_connects_it_says_so_and_can_be_disconnected(scene: Any) -> None:
+    said = set()
+    assert bpy.ops.dermis.stream_connect() == {"FINISHED"}
+    while session.status()["state"] != "ready":
+        said.add(session.status()["state"])
+        layout = Anything()
+        Panel(bpy.types.DERMIS_PT_stream, layout).draw(bpy.context)
+        assert "Connect Again" not in layout.words and "Connecting..." in layout.words
+        assert bpy.ops.dermis.stream_disconnect.poll()
+        time.sleep(0.005)
+        session.heartbeat()
+    assert said == {"connecting"}
+    bpy.ops.dermis.stream_disconnect()
+    assert bpy.ops.dermis.stream_connect() == {"FINISHED"} and session.status()["state"] == "connecting"
+    bpy.ops.dermis.stream_disconnect()
+    assert not session.connected() and session.status()["state"] == "disconnected"
+
+
+def test_what_comes_and_goes_is_below_stop(scene: Any) -> None:
+    settings, above = scene.dermis_stream, set()
+    session.connect(scene)
+    wait(state("ready"))
+    for mode in ("play", "follow", "jog"):
+        for log in (False, True):
+            settings.mode, settings.use_log = mode, log
+            layout = Anything()
+            Panel(bpy.types.DERMIS_PT_stream, layout).draw(bpy.context)
+            above.add(tuple(layout.words[: layout.words.index("Stop  (Shift Esc)")]))
+    assert len(above) == 1, "Arm and Stop would move under the mouse"
 
 
 def test_connect_arm_follow_stop(scene: Any) -> None:

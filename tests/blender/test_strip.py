@@ -179,7 +179,7 @@ def test_a_bakes_strip_is_what_the_bake_says() -> None:
     assert strip.of(scene).lanes is shown.lanes  # made once
     view = View(1300, 60, -9.0, 260.0, 1.0)
     assert strip.layout_of(shown, view) is strip.layout_of(strip.of(scene), view)
-    changes.mark_dirty()
+    scene.dermis.sample_rate = 100.0
     assert strip.of(scene).state == "stale"
 
 
@@ -214,6 +214,15 @@ def test_what_was_seen_live_is_shown_until_an_edit_and_jumps_stay_empty() -> Non
     assert strip_now is not None and strip_now.state == "live" and not strip_now.lanes
     changes.mark_dirty()
     assert live_lanes.of(scene) == () and strip.of(scene) is None
+
+
+def test_without_bake_and_touch_nothing_is_drawn() -> None:
+    scene = bpy.context.scene
+    row = SimpleNamespace(finger="Index", contact=0.0, signals={})
+    live_lanes.note(
+        scene, SimpleNamespace(frame=1.0, devices=Preview(1.0, "live", "", (row,)), skins=SimpleNamespace(states=()))
+    )
+    assert live_lanes.of(scene) and strip.of(scene) is None, "a line of 'up to 0 N' would look like a bake"
 
 
 def test_the_jump_is_not_there_outside_the_editors() -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import bpy
 import pytest
 
-from blender_addon import changes
+from blender_addon import changes, reporting
+from blender_addon._core import Finding
 from blender_addon.preview import device_preview
 from blender_addon.results import store
 
+from . import hand_rigs
 from .build import cube, finger, span
 
 pytestmark = pytest.mark.undo
@@ -101,6 +103,32 @@ def test_another_scene_of_the_file_concerns_no_bake_of_this_one() -> None:
     bpy.data.objects["Shared"].data.update()
     bpy.context.view_layer.update()
     assert store.state(scene) == "stale" and store.changed(scene) == ("Cube",)
+
+
+def test_findings_go_with_the_work_that_is_undone_and_with_its_scene() -> None:
+    scene = bpy.context.scene
+    lonely = hand_rigs.rigify()
+    bpy.context.view_layer.objects.active = lonely
+    push("rig")
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    push("attached")
+    assert reporting.here(scene), "no skin round the bones"
+    other = bpy.data.scenes.new("Other")
+    assert not reporting.here(other)
+    undo()
+    assert not reporting.here(bpy.context.scene)
+    redo()
+    assert reporting.here(bpy.context.scene)
+
+
+def test_findings_of_work_that_cannot_be_undone_stay() -> None:
+    scene = bpy.context.scene
+    push("empty")
+    reporting.show((Finding("warning", "x", "something"),), "Bake")
+    scene.dermis.live_preview = False
+    push("live")
+    undo()
+    assert reporting.here(bpy.context.scene)
 
 
 def baked() -> bpy.types.Scene:

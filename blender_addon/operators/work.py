@@ -34,7 +34,7 @@ class Work:
             said = self.work(context)
         except DermisError as error:
             return reporting.report_error(self, error, subject)
-        if "UNDO" in self.bl_options and reporting.source() == subject:
+        if "UNDO" in getattr(self, "bl_options", ()) and reporting.source() == subject:
             reporting.belong_to_step(context.scene)
         if said:
             self.report({"INFO"}, said)

@@ -196,8 +196,7 @@ def _take_bake(scene: bpy.types.Scene) -> None:
     kept = _frames.get(scene.session_uid)
     if kept is None or kept.frame != moment.frame_of(scene) or store.state(scene) != "fresh":
         return
-    live = [s for s in kept.skins.states if s.source == "live"]
-    if live:
+    if any(state.source != "bake" for state in kept.skins.states):
         baked = {s.finger: replace(s, note=COLOURS_FOLLOW) for s in skin_preview.own(scene)}
         states = (baked.get(s.finger, replace(s, source="none", note=BAKE_FOLLOWS)) for s in kept.skins.states)
         kept = kept._replace(skins=kept.skins._replace(states=tuple(states)))

@@ -13,13 +13,13 @@ from typing import Any, Literal
 import bpy
 from mathutils import Matrix
 
-from .. import changes
+from .. import changes, marks
 from ..quantities import metres_per_unit
 
 Kind = Literal["skin", "twin", "legend"]
 COLLECTIONS: dict[Kind, str] = {"skin": "Dermis Skins", "twin": "Dermis Twins", "legend": "Dermis Legend"}
 MODIFIER = "Dermis Frames"
-MARK, PIECE, HIDES = "dermis_film", "dermis_piece", "dermis_hides"
+MARK, PIECE, HIDES = marks.FILM, "dermis_piece", marks.FILM_HIDES
 
 
 @contextmanager

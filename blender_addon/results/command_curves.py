@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from .. import changes, compat, identity, scene_time
+from .. import changes, compat, identity, marks, scene_time
 from .._core import DermisError, core
 
-MARK = "dermis_commands"  # property of a holder that lists its curves' properties; an action with it is the add-on's
+MARK = marks.COMMANDS
 DISPLAYED = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / math.pi)}  # shown unit and factor; other units are not converted
 LIMIT_COLOUR = (0.85, 0.33, 0.27)
 LONGEST = 60  # [letters] longest name of a property; Blender allows 63

@@ -10,11 +10,13 @@ from __future__ import annotations
 import time
 from collections.abc import Generator
 from dataclasses import dataclass
+from typing import Any
 
 import bpy
 
-from .. import changes, jobs, redraw, scene_content
+from .. import changes, redraw
 from .._core import core
+from ..sampling import scene_content
 
 PIECE = 0.02
 """[s] Longest reading at a time while a window waits."""
@@ -51,7 +53,7 @@ class _Reading:
 _readings: dict[int, _Reading] = {}  # by the scene's session uid
 
 
-def reading(scene: bpy.types.Scene) -> jobs.Steps:
+def reading(scene: bpy.types.Scene) -> Generator[Any, None, Inputs]:
     """Read the present contents of a scene; yield progress, return `Inputs`."""
     edits, steps = changes.edits(), scene_content.steps(scene)
     while True:

@@ -20,6 +20,7 @@ render_differences  differences between renders and the viewport: render_setting
                   finds the objects whose shape they change (dependence follows the users of data), render_surfaces
                   measures the distance of the surfaces
 recorder          poses, surfaces and animated parameters at each sample
+scene_content     digests of all data that a sweep may depend on, without a sweep
 scene_sweep       all samples, in chunks: a `TactileScene`
 """
 

@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 import pytest
 
-from blender_addon import scene_content
 from blender_addon._core import core
 from blender_addon.results import same_inputs
+from blender_addon.sampling import scene_content
 
 from .build import cube, finger, span
 

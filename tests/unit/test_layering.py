@@ -99,7 +99,7 @@ ROOMS = (
     # the ground: who knows nothing of scenes, or only how to ask one
     "on_demand", "_core", "compat", "registration", "scene_time", "action_content", "changes", "redraw", "loading",
     "quantities", "layouts", "polls", "animation_paths", "fingertip_mesh", "identity", "preferences", "reporting",
-    "choices",
+    "choices", "marks",
     # what the artist sets, which preset and skin that means, and what the engine is told
     "properties", "devices", "hands", "sampling", "placing", "doubts",
     # what came of it, what is shown meanwhile, and what is sent

@@ -19,11 +19,9 @@ from typing import Any, NamedTuple
 import bpy
 import numpy as np
 
-from . import action_content, changes, compat
-from .film import film_objects
-from .properties import fields
-from .results import command_curves
-from .sampling import render_settings
+from .. import action_content, changes, compat, marks
+from ..properties import fields
+from . import render_settings
 
 WEIGHTS = 512  # number of vertices whose weights are read between two pauses
 
@@ -243,13 +241,11 @@ class _Reader:
             self._say(layer.name, layer.use)
             for child in layer.layer_collection.children:
                 self._layer(child)
-            hidden = [
-                o.session_uid for o in layer.objects if o.hide_get(view_layer=layer) and film_objects.MARK not in o
-            ]
+            hidden = [o.session_uid for o in layer.objects if o.hide_get(view_layer=layer) and marks.FILM not in o]
             self._say(sorted(hidden))
 
     def _layer(self, layer: Any) -> None:
-        if film_objects.MARK in layer.collection:
+        if marks.FILM in layer.collection:
             return
         self._say(layer.collection.session_uid, layer.exclude, layer.hide_viewport, layer.holdout)
         for child in layer.children:
@@ -258,7 +254,7 @@ class _Reader:
     def _collection(self, collection: Any) -> None:
         """Read what a collection holds, without objects made for films, of which none takes part in a bake."""
         for held in (*collection.objects, *collection.children):
-            if film_objects.MARK not in held:
+            if marks.FILM not in held:
                 self._use(held)
 
     def _object(self, obj: Any) -> None:
@@ -320,7 +316,7 @@ class _Reader:
             return
         for holder in compat.action_holders(data):
             action = holder.action
-            if action is None or command_curves.MARK in action:
+            if action is None or marks.COMMANDS in action:
                 continue
             handle = holder.action_slot.handle if holder.action_slot is not None else -1
             self._use(action)
@@ -432,9 +428,9 @@ class _Reader:
         except (AttributeError, TypeError):
             return
         declared, pointer = struct.bl_rna.properties, struct.as_pointer()
-        commands = str(struct.get(command_curves.MARK, "")).split("\n")
+        commands = str(struct.get(marks.COMMANDS, "")).split("\n")
         for key in sorted(keys):
-            if key in declared or key in (command_curves.MARK, *commands):
+            if key in declared or key in (marks.COMMANDS, *commands):
                 continue
             value = struct[key]
             if isinstance(value, bpy.types.ID):
@@ -444,7 +440,7 @@ class _Reader:
                 self._say(key, value.to_dict() if hasattr(value, "to_dict") else _plain(value))
 
     def _hidden_by_film(self, struct: Any) -> bool:
-        return isinstance(struct, bpy.types.Object) and any(child.get(film_objects.HIDES) for child in struct.children)
+        return isinstance(struct, bpy.types.Object) and any(child.get(marks.FILM_HIDES) for child in struct.children)
 
 
 def _plan_of(kind: Any) -> tuple[tuple[str, str], ...]:

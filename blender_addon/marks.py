@@ -1,4 +1,4 @@
-"""Names of custom properties by which the add-on knows what it has made. No bake depends on what has such a mark."""
+"""Names of custom properties that mark data made by the add-on. No bake depends on marked data."""
 
 FILM = "dermis_film"  # an object or a collection for films: its kind
 FILM_HIDES = "dermis_hides"  # an object for films that has hidden its finger from renders

@@ -80,7 +80,7 @@ class DERMIS_PT_stream(DermisPanel, bpy.types.Panel):
         stop.alert = bool(now.get("armed"))
         stop.enabled = connected
         stop.operator("dermis.stream_stop", text="Stop  (Shift Esc)", icon="CANCEL")
-        # Below Stop, which thus stays in place, is what comes and goes, and sliders, of which a device may have many.
+        # Messages that come and go, and sliders, of which a device may have many, are below Stop: it stays in place.
         if elsewhere := session.elsewhere(context.scene):
             paragraph(layout, context, elsewhere, "ERROR")
         if built.message:

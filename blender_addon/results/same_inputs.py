@@ -103,7 +103,7 @@ def changed(was: Inputs) -> tuple[str, ...]:
 
 
 def forget() -> None:
-    """Drop what is being read, as after another file was opened."""
+    """Drop unfinished readings, as after another file was opened."""
     _readings.clear()
 
 

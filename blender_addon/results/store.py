@@ -170,7 +170,7 @@ def state(scene: bpy.types.Scene, *, wait: bool = False) -> str:
 
 
 def changed(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Return what has changed since the bake, for people: names of data, and 'settings' for the scene's own."""
+    """Return the names of data that have changed since the bake, and 'settings' for the scene's own settings."""
     result = _results.get(scene.session_uid)
     if result is None or result.inputs is None:
         return ()

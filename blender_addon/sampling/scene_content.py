@@ -252,7 +252,7 @@ class _Reader:
             self._layer(child)
 
     def _collection(self, collection: Any) -> None:
-        """Read what a collection holds, without objects made for films, of which none takes part in a bake."""
+        """Read the members of a collection, without objects made for films, of which none takes part in a bake."""
         for held in (*collection.objects, *collection.children):
             if marks.FILM not in held:
                 self._use(held)

@@ -35,6 +35,7 @@ FUNCTIONS = (
     "dermis_rest_solve",
     "dermis_press_pieces",
     "dermis_number_points",
+    "dermis_draw_skin",
 )
 
 GIVEN = "compliance", "offset", "normals", "friction", "softness", "force"  # of a contact
@@ -489,6 +490,72 @@ def drawn_points(seed: int) -> Points:
         return np.concatenate(chosen)
 
     return Points(tiles, np.ascontiguousarray(around.reshape(-1, 3, 3)), some(), some())
+
+
+@dataclass(eq=False)
+class DrawnSkin:
+    """A surface of random triangles, the matrix that refines it, and forces on a pad."""
+
+    points: Array
+    corners: NDArray[np.int32]
+    rest: Array
+    starts: NDArray[np.int32]
+    columns: NDArray[np.int32]
+    weights: Array
+    pad_positions: Array
+    pad_normals: Array
+    force: Array
+    table: NDArray[np.float32] | None
+    quantity: int
+    given: tuple[Array, Array]
+
+    def call(self, own: Any, **changed: float) -> list[int]:
+        """Return the status, with fields of the record changed."""
+        nodes, drawn = len(self.points), len(self.rest)
+        self.moved, self.values = (a.copy() for a in self.given)
+        self.sums, self.room = np.full((nodes, 9), np.nan, np.float32), np.full((nodes, 8), np.nan)
+        self.positions, self.normals, self.shown = (np.full((drawn, k), np.nan) for k in (3, 3, 1))
+        self.record = record = records.DrawnRecord(nodes=nodes, triangles=len(self.corners), drawn=drawn)
+        record.entries, record.pad, record.quantity = len(self.columns), len(self.force), self.quantity
+        record.normal_force, record.modulus, record.exaggeration, record.lift = 2.0, 3e4, 1.5, 2e-3
+        record.table = None if self.table is None else address(self.table)
+        for name in ("points", "corners", "rest", "starts", "columns", "weights", "pad_positions", "pad_normals"):
+            setattr(record, name, address(getattr(self, name)))
+        for name in ("force", "moved", "values", "sums", "room", "positions", "normals", "shown"):
+            setattr(record, name, address(getattr(self, name)))
+        for name, value in changed.items():
+            setattr(record, name, value)
+        return [int(own.dermis_draw_skin(ctypes.byref(record)))]
+
+    def answer(self) -> bytes:
+        """Return everything that a call has filled."""
+        told = np.array([self.record.low, self.record.high, *self.record.centre, *self.record.shear])
+        filled = (self.moved, self.values, self.positions, self.normals, self.shown, told)
+        return b"".join(array.tobytes() for array in filled)
+
+
+def drawn_skin(seed: int) -> DrawnSkin:
+    """Return a skin with or without a table, of which every quantity occurs; the first has no force."""
+    rng = np.random.default_rng(seed)
+    nodes, drawn, pad = int(rng.integers(3, 40)), int(rng.integers(1, 90)), int(rng.integers(1, 20))
+    starts = np.concatenate([[0], np.cumsum(rng.integers(0, 9, drawn))]).astype(np.int32)
+    columns = rng.integers(0, nodes, starts[-1]).astype(np.int32)
+    normals = rng.normal(size=(pad, 3))
+    force = rng.normal(size=(pad, 3)) * (rng.random((pad, 1)) < 0.6) * 10.0 ** rng.uniform(-20, 5)
+    return DrawnSkin(
+        1e-3 * rng.normal(size=(nodes, 3)),
+        rng.integers(0, nodes, (int(rng.integers(1, 60)), 3)).astype(np.int32),
+        1e-3 * rng.normal(size=(drawn, 3)),
+        starts,
+        columns,
+        rng.normal(size=len(columns)),
+        1e-3 * rng.normal(size=(pad, 3)),
+        normals / np.linalg.norm(normals, axis=1, keepdims=True),
+        force * (seed > 0),
+        rng.normal(size=(3 * pad, 9 * nodes)).astype(np.float32) if seed % 3 else None,
+        seed % 9 - 1,
+        (1e-3 * rng.normal(size=(nodes, 3)), rng.normal(size=nodes)),
+    )
 
 
 def opened(path: Path) -> ctypes.CDLL:

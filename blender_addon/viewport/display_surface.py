@@ -2,21 +2,49 @@
 
 The tissue's mesh is coarse (2 mm in draft). Each edge gets a midpoint on a cubic that passes through both ends and
 follows the values' gradients there, so the drawing is smooth, and exact at the nodes. One matrix refines positions,
-displacements and values. It is made once for a mesh.
+displacements and values. It is made once for a mesh. A kernel of the engine applies it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from ctypes import byref
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import Array, Indices32
+from .._core import Array, DermisError, Indices32, core
 
 TRIANGLES = 3000  # a surface is refined until it has about this many triangles
 MAX_LEVELS = 2
+
+
+class Nodal(NamedTuple):
+    """What the nodes of a surface show.
+
+    Attributes:
+        moved: displacement of the nodes [m], shape (s, 3); None if the table gives it.
+        values: values at the nodes [SI], shape (s,); None if they are the table's `quantity`.
+        table: displacement [m] and stress [Pa] of the nodes for unit forces on the pad and E = 1 Pa, shape (3 m, 9 s).
+        quantity: number of the table's quantity, see `dermis_drawn` in kernels.h.
+    """
+
+    moved: Array | None
+    values: Array | None
+    table: NDArray[np.float32] | None = None
+    quantity: int = -1
+
+
+class Fine(NamedTuple):
+    """The drawn surface of a touched skin; see `Drawn` in `skin_field`."""
+
+    positions: Array
+    normals: Array
+    values: Array
+    low: float
+    high: float
+    centre: Array
+    shear: Array
 
 
 class DisplaySurface(NamedTuple):
@@ -24,24 +52,24 @@ class DisplaySurface(NamedTuple):
 
     Attributes:
         nodes: nodes of the tissue's mesh that lie on the surface, shape (s,).
+        points: these nodes at rest [m], shape (s, 3).
         refine: from values at those nodes to values at the drawn vertices, sparse (d, s).
         rest: drawn vertices without deformation [m], shape (d, 3).
         triangles: counter-clockwise from outside, shape (t, 3).
         palmar: whether each triangle faces away from the nail, shape (t,).
         coarse: the triangles between `nodes`, shape (c, 3).
-        scatter: sum of the triangles' values at each node, sparse (s, c), for normals.
         at_rest: normals of the drawn vertices without deformation, shape (d, 3).
         middle: middle of the box around `rest` in X and Y [m], shape (2,).
         length: length of that box along Y [m].
     """
 
     nodes: Indices32
+    points: Array
     refine: Any
     rest: Array
     triangles: Indices32
     palmar: NDArray[np.bool_]
     coarse: Indices32
-    scatter: Any
     at_rest: Array
     middle: Array
     length: float
@@ -73,38 +101,57 @@ class DisplaySurface(NamedTuple):
         at_rest = _unit(refine @ _unit(scatter @ np.stack(_crosses(points, coarse), axis=1)))
         low, high = rest[:, :2].min(axis=0), rest[:, :2].max(axis=0)
         box = (0.5 * (low + high), float(high[1] - low[1]))
-        return cls(nodes.astype(np.int32), refine, rest, triangles, palmar, coarse, scatter, at_rest, *box)
+        for indices in ("indices", "indptr"):
+            setattr(refine, indices, getattr(refine, indices).astype(np.int32))
+        return cls(nodes.astype(np.int32), points, refine, rest, triangles, palmar, coarse, at_rest, *box)
 
-    def deformed(self, points: Array, displacement: Array, nodal: Array) -> tuple[Array, Array, Array]:
-        """Return vertices [m], unit normals and values of the drawn surface.
+    def deformed(
+        self, model: Any, force: Array, normal_force: float, nodal: Nodal, exaggeration: float, lift: float
+    ) -> Fine:
+        """Return the drawn surface of a touched skin.
 
-        Their shapes are (d, 3), (d, 3) and (d,).
+        Drawn values stay within those of the nodes.
+
         Args:
-            points: the nodes on the surface at rest [m], shape (s, 3).
-            displacement: displacement of those nodes [m], shape (s, 3).
-            nodal: values at the nodes, shape (s,).
-        """
-        return self.deformed_alike(points, [(displacement, nodal)])[0]
+            model: model of the skin. force: forces on its pad nodes [N], shape (m, 3).
+            normal_force: total normal force [N].
+            nodal: displacement and values of the nodes.
+            exaggeration: factor on the displacement. lift: displacement of the bone along Z [m].
 
-    def deformed_alike(self, points: Array, several: Sequence[tuple[Array, Array]]) -> list[tuple[Array, Array, Array]]:
-        """Return `deformed` for several displacements and values.
-
-        There is one product by each matrix for all of them.
+        Raises:
+            DermisError: the kernels are missing, or an array does not fit.
         """
-        count, coarse = len(several), np.empty((len(points), len(several), 7))
-        crosses = np.empty((len(self.coarse), count, 3))
-        for i, (displacement, nodal) in enumerate(several):
-            coarse[:, i, :3], coarse[:, i, 6] = displacement, nodal
-            for axis, component in enumerate(_crosses(points + displacement, self.coarse)):
-                crosses[:, i, axis] = component
-        normals = (self.scatter @ crosses.reshape(-1, 3 * count)).reshape(-1, 3)
-        coarse[:, :, 3:6] = _unit(normals).reshape(-1, count, 3)
-        fine = (self.refine @ coarse.reshape(-1, 7 * count)).reshape(-1, count, 7)
-        return [
-            # a cubic may overshoot; drawn values stay within those of the nodes
-            (self.rest + own[:, :3], _unit(own[:, 3:6]), np.clip(own[:, 6], nodal.min(), nodal.max()))
-            for own, (_, nodal) in zip(fine.transpose(1, 0, 2), several, strict=True)
-        ]
+        count, drawn, entries, m = len(self.nodes), len(self.rest), len(self.refine.data), model.pad_count
+        positions, normals, values = np.empty((drawn, 3)), np.empty((drawn, 3)), np.empty(drawn)
+        pad = [np.ascontiguousarray(a, np.float64) for a in (model.positions, model.normals, force)]
+        moved = np.empty((count, 3)) if nodal.moved is None else np.ascontiguousarray(nodal.moved, np.float64)
+        shown = np.empty(count) if nodal.values is None else np.ascontiguousarray(nodal.values, np.float64)
+        table = nodal.table
+        sums = np.empty((0 if table is None else count, 9), np.float32)
+        fits = moved.shape == (count, 3) and shown.shape == (count,) and (table is None or table.size == 27 * m * count)
+        if not fits or any(a.shape != (m, 3) for a in pad):
+            raise DermisError("an array does not fit the skin that is drawn", where="skin", value=np.shape(force))
+        room, kernels = np.empty((count, 8)), core.kernels.library.kernels()
+        place, record = core.kernels.records.address, core.kernels.records.DrawnRecord()
+        record.nodes, record.triangles = count, len(self.coarse)
+        record.points, record.corners = place(self.points), place(self.coarse)
+        record.drawn, record.entries, record.rest = drawn, entries, place(self.rest)
+        record.starts, record.columns = place(self.refine.indptr), place(self.refine.indices)
+        record.weights = place(self.refine.data)
+        record.pad = m
+        record.pad_positions, record.pad_normals, record.force = map(place, pad)
+        record.normal_force, record.modulus = normal_force, model.material.modulus
+        record.table = None if table is None else place(table)
+        record.quantity = nodal.quantity if nodal.values is None else -1
+        record.exaggeration, record.lift = exaggeration, lift
+        record.moved, record.values, record.sums, record.room = place(moved), place(shown), place(sums), place(room)
+        record.positions, record.normals, record.shown = map(place, (positions, normals, values))
+        status = kernels.draw_skin(byref(record))
+        if status != core.kernels.records.DONE:
+            raise DermisError("a record for the kernels is damaged", where=kernels.path.name, value=status)
+        return Fine(
+            positions, normals, values, record.low, record.high, np.array(record.centre), np.array(record.shear)
+        )
 
 
 def _unit(vectors: Array) -> Array:

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from .. import loading
 from .._core import Array, core
 from ..preview.skin_state import SkinState
-from .display_surface import DisplaySurface
+from .display_surface import DisplaySurface, Nodal
 
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 SIGNED = frozenset(COMPONENTS)
+IN_TABLE = {name: number for number, name in enumerate((*COMPONENTS, "von_mises", "displacement"))}  # see `Nodal`
 NEAR = 2e-3  # [m] drawn vertices closer than this to a touched point show the stress below them, not one between nodes
 SMALL = 250  # up to so many pad nodes, the whole map from forces to the drawn surface is kept: at most 10 MB
 
@@ -76,7 +77,7 @@ class _Kit:
     """The parts for drawing a mesh: its surface, and matrices to its nodes.
 
     Attributes:
-        surface: the drawn surface. points: its nodes at rest [m], shape (s, 3).
+        surface: the drawn surface.
         averaging: matrix from elements to those nodes, sparse (s, e). pad_rows: indices of the nodes that may touch.
         stresses: by the skin's key, matrix from displacement to the nodes' stress at E = 1 Pa, sparse (6 s, 3 n).
         shortcuts: by the skin's key, displacement and stress of the nodes for unit forces; see `_shortcut`.
@@ -85,7 +86,6 @@ class _Kit:
     """
 
     surface: DisplaySurface
-    points: Array
     averaging: Any
     pad_rows: NDArray[np.intp]
     stresses: dict[str, Any] = field(default_factory=dict)
@@ -103,7 +103,7 @@ def kit(mesh: Any) -> _Kit:
     if own is None:
         surface = DisplaySurface.of(mesh)
         pad_rows = np.searchsorted(surface.nodes, mesh.pad)
-        own = _kits[mesh] = _Kit(surface, mesh.nodes[surface.nodes], mesh.averaging[surface.nodes], pad_rows)
+        own = _kits[mesh] = _Kit(surface, mesh.averaging[surface.nodes], pad_rows)
     return own
 
 
@@ -142,70 +142,51 @@ def learn(state: SkinState, quantity: str) -> Iterator[None]:
 
 def draw_of(state: SkinState, quantity: str, exaggeration: float = 1.0) -> Drawn:
     """Return a skin's deformed surface with the values of a quantity; nothing else is computed."""
-    return draws_of([state], quantity, exaggeration)[0]
-
-
-def draws_of(states: Sequence[SkinState], quantity: str, exaggeration: float = 1.0) -> list[Drawn]:
-    """Return `draw_of` for each of several skins; those of one mesh are refined together."""
-    drawn: dict[int, Drawn] = {}
-    alike: dict[int, list[tuple[int, _Nodes]]] = {}
-    for i, state in enumerate(states):
-        if state.force.any():
-            nodes = _nodes_of(state, quantity)
-            alike.setdefault(id(nodes.own), []).append((i, nodes))
-        else:
-            surface = kit(state.model.mesh).surface
-            zero, lifted = np.zeros(len(surface.rest)), surface.rest + (0.0, 0.0, state.lift)
-            drawn[i] = Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0, surface.middle, np.zeros(2))
-    for group in alike.values():
-        own = group[0][1].own
-        fine = own.surface.deformed_alike(own.points, [(exaggeration * n.moved, n.values) for _, n in group])
-        for (i, nodes), refined in zip(group, fine, strict=True):
-            drawn[i] = _refined(states[i], quantity, nodes, *refined)
-    return [drawn[i] for i in range(len(states))]
-
-
-class _Nodes(NamedTuple):
-    """State of a touched skin at its surface's nodes.
-
-    It has their displacement [m], shape (s, 3), and the values of a quantity, shape (s,).
-    """
-
-    own: _Kit
-    stimulus: core.skin.stimulus.Stimulus
-    moved: Array
-    values: Array
-
-
-def _nodes_of(state: SkinState, quantity: str) -> _Nodes:
     own = kit(state.model.mesh)
+    surface = own.surface
+    if not state.force.any():
+        zero, lifted = np.zeros(len(surface.rest)), surface.rest + (0.0, 0.0, state.lift)
+        return Drawn(surface, lifted, surface.at_rest, zero, 0.0, 0.0, surface.middle, np.zeros(2))
     stimulus = core.skin.stimulus.Stimulus(state.model, state.force, state.points, state.amounts)
-    stressed = _is_stress(quantity)
-    if state.model.follows_law:
-        moved = stimulus.displacement[own.surface.nodes]
-        stress = np.asarray(own.averaging @ stimulus.stress, float) if stressed else np.zeros((len(moved), 6))
+    nodal = _nodal(own, stimulus, quantity)
+    fine = surface.deformed(state.model, state.force, state.normal_force, nodal, exaggeration, state.lift)
+    drawn = Drawn(surface, *fine)
+    if not _is_stress(quantity) or state.points is None:
+        return drawn
+    near, stress = _beneath(own, state.model.mesh, state.points, stimulus.more)
+    drawn.values[near] = _read(quantity, stress)
+    return drawn._replace(low=float(drawn.values.min()), high=float(drawn.values.max()))
+
+
+def _nodal(own: _Kit, stimulus: core.skin.stimulus.Stimulus, quantity: str) -> Nodal:
+    """Return displacement and values of the surface's nodes.
+
+    For a linear skin whose map is kept, see `SMALL`, they come from the map where they can: this takes a third of the
+    time of a pass over all elements.
+    """
+    model = stimulus.skin
+    if _by_table(model) and quantity != "energy":
+        table = _shortcut_of(own, model)
+        if quantity in IN_TABLE:
+            return Nodal(None, None, table, IN_TABLE[quantity])
+        return Nodal(None, _on_pad(own, stimulus, quantity), table)
+    moved = stimulus.displacement if model.follows_law else model.displacement(stimulus.force)
+    on_surface = moved[own.surface.nodes]
+    if quantity == "displacement":
+        return Nodal(on_surface, np.linalg.norm(on_surface, axis=1))
+    if quantity == "energy":
+        return Nodal(on_surface, np.asarray(own.averaging @ stimulus.energy_density))
+    if not _is_stress(quantity):
+        return Nodal(on_surface, _on_pad(own, stimulus, quantity))
+    if model.follows_law:
+        stress = np.asarray(own.averaging @ stimulus.stress, float)
     else:
-        moved, stress = _linear(own, state, quantity, stressed)
-    return _Nodes(own, stimulus, moved, _nodal(own, stimulus, quantity, moved, stress))
+        stress = model.material.modulus * (_stress_of(own, model) @ moved.ravel()).reshape(-1, 6)
+    return Nodal(on_surface, _read(quantity, stress))
 
 
 def _is_stress(quantity: str) -> bool:
     return quantity == "von_mises" or quantity in SIGNED
-
-
-def _refined(state: SkinState, quantity: str, nodes: _Nodes, positions: Array, normals: Array, values: Array) -> Drawn:
-    """Return the drawing of a touched skin; change `positions` and `values`."""
-    nodal = nodes.values
-    if _is_stress(quantity) and state.points is not None:
-        near, stress = _beneath(nodes.own, state.model.mesh, state.points, nodes.stimulus.more)
-        values[near] = _read(quantity, stress)
-        nodal = values
-    positions[:, 2] += state.lift
-    push = np.maximum(-np.einsum("ij,ij->i", state.force, state.model.normals), 0.0)
-    centre = push @ state.model.positions[:, :2] / max(float(push.sum()), 1e-30)
-    shear = state.force.sum(axis=0)[:2] / max(state.normal_force, 1e-12)
-    low, high = float(nodal.min()), float(nodal.max())
-    return Drawn(nodes.own.surface, positions, normals, values, low, high, centre, shear)
 
 
 def is_light(state: SkinState) -> bool:
@@ -213,22 +194,11 @@ def is_light(state: SkinState) -> bool:
 
     It does for a linear skin that is touched at its nodes and whose map is kept, see `SMALL`.
     """
-    return not state.model.follows_law and state.points is None and state.model.pad_count <= SMALL
+    return state.points is None and _by_table(state.model)
 
 
-def _linear(own: _Kit, state: SkinState, quantity: str, stressed: bool) -> tuple[Array, Array]:
-    """Return displacement and averaged stress of the surface's nodes, linear skin.
-
-    Their shapes are (s, 3) and (s, 6).
-    """
-    model = state.model
-    if model.pad_count <= SMALL and quantity != "energy":
-        return _by_shortcut(own, model, state.force)
-    linear = model.displacement(state.force)
-    moved = linear[own.surface.nodes]
-    if not stressed:
-        return moved, np.zeros((len(moved), 6))
-    return moved, model.material.modulus * (_stress_of(own, model) @ linear.ravel()).reshape(-1, 6)
+def _by_table(model: core.skin.model.SkinModel) -> bool:
+    return not model.follows_law and model.pad_count <= SMALL
 
 
 def _beneath(
@@ -289,24 +259,6 @@ def _read(quantity: str, stress: Array) -> Array:
     return stress[:, COMPONENTS.index(quantity)]
 
 
-def _by_shortcut(own: _Kit, model: Any, force: Array) -> tuple[Array, Array]:
-    """Return displacement and averaged stress of the surface's nodes by one product.
-
-    Their shapes are (s, 3) and (s, 6).
-    Both are linear in the forces. For all skins but fine ones the whole map is small, and its product takes a third of
-    the time of a pass over all elements. Displacement goes with 1 / E; stress for given forces does not depend on E.
-    """
-    table = _shortcut_of(own, model)
-    scale = float(np.abs(force).max())
-    touched = np.flatnonzero(force.any(axis=1))
-    if 4 * len(touched) < len(force):  # read only the touched rows
-        rows, table = force[touched], table.reshape(len(force), 3, -1)[touched].reshape(3 * len(touched), -1)
-    else:
-        rows = force
-    nodal = ((rows.reshape(-1) / scale).astype(np.float32) @ table).astype(np.float64).reshape(-1, 9)
-    return nodal[:, :3] * (scale / model.material.modulus), nodal[:, 3:] * scale
-
-
 def _shortcut_of(own: _Kit, model: Any) -> NDArray[np.float32]:
     table = own.shortcuts.get(model.key)
     if table is None:
@@ -320,7 +272,7 @@ def _kept_shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:
         return _shortcut(own, model)
     store, key = core.skin.store, core.cache.cache_key(model.key, "drawn 1")
     path = model.cache.get(key)
-    kept = None if path is None else store.read_table(path, (3 * model.pad_count, 9 * len(own.points)))
+    kept = None if path is None else store.read_table(path, (3 * model.pad_count, 9 * len(own.surface.nodes)))
     if kept is not None:
         return np.asarray(kept, np.float32)
     made = _shortcut(own, model)
@@ -338,7 +290,7 @@ def _shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:
     moved[:, mesh.free] = model.unit_response.reshape(size, -1, 3)
     moved[:, mesh.pad] = model.unit_compliance.reshape(size, -1, 3)
     stress = _stress_of(own, model) @ np.ascontiguousarray(moved.reshape(size, -1).T)
-    out = np.empty((size, len(own.points), 9), np.float32)
+    out = np.empty((size, len(own.surface.nodes), 9), np.float32)
     out[:, :, :3] = moved[:, own.surface.nodes]
     out[:, :, 3:] = stress.T.reshape(size, -1, 6)
     return out.reshape(size, -1)
@@ -357,23 +309,17 @@ def _stress_of(own: _Kit, model: Any) -> Any:
     return own.stresses[model.key]
 
 
-def _nodal(own: _Kit, stimulus: Any, quantity: str, moved: Array, stress: Array) -> Array:
-    """Return a quantity at the nodes of the surface."""
-    if quantity == "displacement":
-        return np.linalg.norm(moved, axis=1)
-    if quantity in ("pressure", "traction"):
-        out = np.zeros(len(moved))
-        model = stimulus.skin
-        if quantity == "pressure":
-            out[own.pad_rows] = stimulus.pressure
-            return out
-        push = np.einsum("ij,ij->i", stimulus.force, model.normals)
-        across = stimulus.force - push[:, None] * model.normals
-        out[own.pad_rows] = np.linalg.norm(across, axis=1) / model.areas
+def _on_pad(own: _Kit, stimulus: core.skin.stimulus.Stimulus, quantity: str) -> Array:
+    """Return pressure or shear traction at the nodes of the surface [Pa], which are zero outside the pad."""
+    out = np.zeros(len(own.surface.nodes))
+    model = stimulus.skin
+    if quantity == "pressure":
+        out[own.pad_rows] = stimulus.pressure
         return out
-    if quantity == "energy":
-        return np.asarray(own.averaging @ stimulus.energy_density)
-    return _read(quantity, stress)
+    push = np.einsum("ij,ij->i", stimulus.force, model.normals)
+    across = stimulus.force - push[:, None] * model.normals
+    out[own.pad_rows] = np.linalg.norm(across, axis=1) / model.areas
+    return out
 
 
 def nice(value: float) -> float:

@@ -69,8 +69,8 @@ def all_values(states: Sequence[SkinState], quantity: str, exaggeration: float) 
         _stresses["stress_computed" if state.touching else "stress_skipped"] += 1
     if anew:
         with skin_models.one_thread():
-            for state, drawn in zip(anew, skin_field.draws_of(anew, *key), strict=True):
-                _drawn[state.finger] = (state, key, drawn)
+            for state in anew:
+                _drawn[state.finger] = (state, key, skin_field.draw_of(state, *key))
     return [_drawn[state.finger][2] for state in states]
 
 

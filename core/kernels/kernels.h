@@ -274,6 +274,39 @@ typedef struct {
                                  behind around it, -1 for none (count, 4) */
 } dermis_points;
 
+/* A touched skin that is drawn, see `drawn.c`. The nodes are those of the tissue's mesh on its surface. */
+typedef struct {
+    int64_t nodes, triangles;  /* number of nodes, and of triangles between them */
+    const double *points;      /* nodes at rest (nodes, 3) [m] */
+    const int32_t *corners;    /* nodes of each triangle (triangles, 3) */
+    int64_t drawn, entries;    /* number of drawn vertices, and of entries of the matrix from nodes to these */
+    const double *rest;        /* drawn vertices without deformation (drawn, 3) [m] */
+    const int32_t *starts;     /* first entry of each drawn vertex, and the number of entries (drawn + 1) */
+    const int32_t *columns;    /* node of each entry (entries) */
+    const double *weights;     /* value of each entry (entries) */
+    int64_t pad;               /* number of nodes that may touch */
+    const double *pad_positions, *pad_normals; /* positions [m] and outward unit normals of these (pad, 3) */
+    const double *force;       /* forces on these (pad, 3) [N] */
+    double normal_force;       /* total normal force [N] */
+    const float *table;        /* displacement [m] and stress [Pa] of the nodes for unit forces on the pad and E = 1 Pa
+                                  (pad, 3, nodes, 9); null: `moved` and `values` are given */
+    double modulus;            /* Young's modulus E [Pa] */
+    int64_t quantity;          /* with a table: what `values` become, 0 to 5 the stress xx, yy, zz, yz, xz, xy, 6 the
+                                  von Mises stress, 7 the length of the displacement; -1: `values` are given */
+    double exaggeration;       /* factor on the displacement */
+    double lift;               /* displacement of the bone along Z [m] */
+    double *moved;             /* displacement of the nodes (nodes, 3) [m]; out with a table, else in */
+    double *values;            /* values at the nodes (nodes); see `quantity` */
+    float *sums;               /* workspace (nodes, 9); null without a table */
+    double *room;              /* workspace (nodes, 8) */
+    double *positions;         /* out: drawn vertices (drawn, 3) [m] */
+    double *normals;           /* out: their unit normals (drawn, 3) */
+    double *shown;             /* out: their values (drawn) */
+    double low, high;          /* out: least and greatest value at the nodes */
+    double centre[2];          /* out: centre of pressure in X and Y [m] */
+    double shear[2];           /* out: force in X and Y divided by the normal force */
+} dermis_drawn;
+
 /* Sort the triangles of a tree, `order`, into slots, so that neighbours share leaves. */
 DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
 
@@ -308,6 +341,9 @@ DERMIS_API int32_t dermis_press_pieces(dermis_pieces *pieces);
 
 /* Replace the former contact points by the new ones, and find the neighbours of each. */
 DERMIS_API int32_t dermis_number_points(dermis_points *points);
+
+/* Compute the drawing of a touched skin. */
+DERMIS_API int32_t dermis_draw_skin(dermis_drawn *drawn);
 
 /* Return 1 if this processor and its operating system support AVX2, else 0. */
 DERMIS_API int32_t dermis_has_avx2(void);

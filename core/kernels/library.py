@@ -58,6 +58,7 @@ class Kernels:
             self.law, self.rest = _function(library.dermis_evaluate_law), _function(library.dermis_rest_solve)
             self.press_pieces = _function(library.dermis_press_pieces)
             self.number_points = _function(library.dermis_number_points)
+            self.draw_skin = _function(library.dermis_draw_skin)
             self.avx2 = int(library.dermis_has_avx2())
             sources = bytes(library.dermis_sources()).decode("ascii", "replace")
             fields = bytes(library.dermis_fields()).decode("ascii", "replace")

@@ -283,6 +283,44 @@ class PointsRecord(ctypes.Structure):
     ]
 
 
+class DrawnRecord(ctypes.Structure):
+    """`dermis_drawn`."""
+
+    _fields_ = [
+        ("nodes", ctypes.c_int64),
+        ("triangles", ctypes.c_int64),
+        ("points", ctypes.c_void_p),
+        ("corners", ctypes.c_void_p),
+        ("drawn", ctypes.c_int64),
+        ("entries", ctypes.c_int64),
+        ("rest", ctypes.c_void_p),
+        ("starts", ctypes.c_void_p),
+        ("columns", ctypes.c_void_p),
+        ("weights", ctypes.c_void_p),
+        ("pad", ctypes.c_int64),
+        ("pad_positions", ctypes.c_void_p),
+        ("pad_normals", ctypes.c_void_p),
+        ("force", ctypes.c_void_p),
+        ("normal_force", ctypes.c_double),
+        ("table", ctypes.c_void_p),
+        ("modulus", ctypes.c_double),
+        ("quantity", ctypes.c_int64),
+        ("exaggeration", ctypes.c_double),
+        ("lift", ctypes.c_double),
+        ("moved", ctypes.c_void_p),
+        ("values", ctypes.c_void_p),
+        ("sums", ctypes.c_void_p),
+        ("room", ctypes.c_void_p),
+        ("positions", ctypes.c_void_p),
+        ("normals", ctypes.c_void_p),
+        ("shown", ctypes.c_void_p),
+        ("low", ctypes.c_double),
+        ("high", ctypes.c_double),
+        ("centre", ctypes.c_double * 2),
+        ("shear", ctypes.c_double * 2),
+    ]
+
+
 # The records and their names in C, in the order of the layout.
 RECORDS: tuple[tuple[str, type[ctypes.Structure]], ...] = (
     ("tree", TreeRecord),
@@ -296,6 +334,7 @@ RECORDS: tuple[tuple[str, type[ctypes.Structure]], ...] = (
     ("patches", PatchesRecord),
     ("pieces", PiecesRecord),
     ("points", PointsRecord),
+    ("drawn", DrawnRecord),
 )
 
 

@@ -72,6 +72,18 @@
     FIELD(dermis_points, place) FIELD(dermis_points, around) FIELD(dermis_points, before) \
     FIELD(dermis_points, old_cells) FIELD(dermis_points, count) FIELD(dermis_points, cells) \
     FIELD(dermis_points, owner) FIELD(dermis_points, in_root) FIELD(dermis_points, number) FIELD(dermis_points, beside)
+#define DRAWN(FIELD) \
+    FIELD(dermis_drawn, nodes) FIELD(dermis_drawn, triangles) FIELD(dermis_drawn, points) \
+    FIELD(dermis_drawn, corners) FIELD(dermis_drawn, drawn) FIELD(dermis_drawn, entries) \
+    FIELD(dermis_drawn, rest) FIELD(dermis_drawn, starts) FIELD(dermis_drawn, columns) \
+    FIELD(dermis_drawn, weights) FIELD(dermis_drawn, pad) FIELD(dermis_drawn, pad_positions) \
+    FIELD(dermis_drawn, pad_normals) FIELD(dermis_drawn, force) FIELD(dermis_drawn, normal_force) \
+    FIELD(dermis_drawn, table) FIELD(dermis_drawn, modulus) FIELD(dermis_drawn, quantity) \
+    FIELD(dermis_drawn, exaggeration) FIELD(dermis_drawn, lift) FIELD(dermis_drawn, moved) \
+    FIELD(dermis_drawn, values) FIELD(dermis_drawn, sums) FIELD(dermis_drawn, room) \
+    FIELD(dermis_drawn, positions) FIELD(dermis_drawn, normals) FIELD(dermis_drawn, shown) \
+    FIELD(dermis_drawn, low) FIELD(dermis_drawn, high) FIELD(dermis_drawn, centre) \
+    FIELD(dermis_drawn, shear)
 #define OFFSET(record, field) offsetof(record, field),
 #define NAME(record, field) " " #field
 
@@ -82,6 +94,7 @@ DERMIS_API const uint64_t *dermis_layout(void) {
         sizeof(dermis_query), QUERY(OFFSET)  sizeof(dermis_contact), CONTACT(OFFSET) sizeof(dermis_posed), POSED(OFFSET) sizeof(dermis_survey), SURVEY(OFFSET)
         sizeof(dermis_law),   LAW(OFFSET)    sizeof(dermis_rest),    REST(OFFSET)
         sizeof(dermis_patches), PATCHES(OFFSET) sizeof(dermis_pieces), PIECES(OFFSET) sizeof(dermis_points), POINTS(OFFSET)
+        sizeof(dermis_drawn), DRAWN(OFFSET)
         UINT64_MAX,
     };
     return layout;
@@ -90,7 +103,7 @@ DERMIS_API const uint64_t *dermis_layout(void) {
 DERMIS_API const char *dermis_fields(void) {
     return "tree" TREE(NAME) " body" BODY(NAME) " query" QUERY(NAME) " contact" CONTACT(NAME) " posed" POSED(NAME)
            " survey" SURVEY(NAME) " law" LAW(NAME) " rest" REST(NAME) " patches" PATCHES(NAME) " pieces" PIECES(NAME)
-           " points" POINTS(NAME);
+           " points" POINTS(NAME) " drawn" DRAWN(NAME);
 }
 
 #if defined(__x86_64__)

@@ -66,7 +66,7 @@ WORK = (
     (platform_devices, "table"),
     (platform_twin, "state"),
     (scene_sweep, "sample_now"),
-    (skin_field, "draws_of"),
+    (skin_field, "draw_of"),
     (skin_models, "get"),
     (thimble_adaptation, "status"),
     (thimble_preview, "follow"),

@@ -7,6 +7,7 @@ import pytest
 
 from blender_addon.preview.skin_state import SkinState
 from blender_addon.viewport import skin_colours, skin_field
+from blender_addon.viewport.display_surface import Nodal
 from core.parameters.error_bands import error_band
 from core.parameters.skin import FORCE_ERRORS
 from core.skin.model import fingertip_skin
@@ -45,22 +46,23 @@ def test_the_refined_surface_lies_on_the_fingertip(pressed: SkinState) -> None:
 
 def test_refining_keeps_the_nodes_and_constants(pressed: SkinState) -> None:
     own = skin_field.kit(pressed.model.mesh)
-    surface, count = own.surface, len(own.points)
-    assert np.array_equal(surface.rest[:count], own.points)
+    surface, count = own.surface, len(own.surface.points)
+    assert np.array_equal(surface.rest[:count], surface.points)
     assert surface.refine @ np.full(count, 3.0) == pytest.approx(np.full(len(surface.rest), 3.0), rel=1e-12)
     # a rigid turn of the nodes is a rigid turn of what is drawn, up to the curvature between them
     angle = 0.3
     turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
-    moved, normals, _ = surface.deformed(own.points, own.points @ (turn.T - np.eye(3)), np.zeros(count))
-    assert moved == pytest.approx(surface.rest @ turn.T, abs=1e-12)
-    assert normals == pytest.approx(surface.at_rest @ turn.T, abs=1e-9)
+    turned = Nodal(surface.points @ (turn.T - np.eye(3)), np.zeros(count))
+    fine = surface.deformed(pressed.model, pressed.force, pressed.normal_force, turned, 1.0, 0.0)
+    assert fine.positions == pytest.approx(surface.rest @ turn.T, abs=1e-12)
+    assert fine.normals == pytest.approx(surface.at_rest @ turn.T, abs=1e-9)
 
 
 def test_pressure_adds_up_to_the_force(pressed: SkinState) -> None:
     drawn = skin_field.draw_of(pressed, "pressure")
     model = pressed.model
     own = skin_field.kit(model.mesh)
-    nodal = drawn.values[: len(own.points)][own.pad_rows]
+    nodal = drawn.values[: len(own.surface.points)][own.pad_rows]
     push = -(pressed.force * model.normals).sum(axis=1)
     assert nodal @ model.areas == pytest.approx(push.sum(), rel=1e-9)
     assert drawn.high == pytest.approx((push / model.areas).max(), rel=1e-12)

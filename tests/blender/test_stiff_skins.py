@@ -83,7 +83,7 @@ def wear(scene: bpy.types.Scene, preset: str = "pin_array_128") -> None:
 def test_what_is_drawn_is_the_engines_displacement_and_stress(level: str) -> None:
     state = state_of(level)
     stimulus, own = Stimulus(state.model, state.force), skin_field.kit(state.model.mesh)
-    nodes, count = own.surface.nodes, len(own.points)
+    nodes, count = own.surface.nodes, len(own.surface.points)
     moved = skin_field.draw_of(state, "displacement")
     exact = np.linalg.norm(stimulus.displacement[nodes], axis=1)
     linear = np.linalg.norm(state.model.displacement(state.force)[nodes], axis=1)

@@ -21,6 +21,7 @@ from tests.kernel_arrays import (
     GIVEN,
     Arrays,
     Contact,
+    DrawnSkin,
     Law,
     Pieces,
     Points,
@@ -32,6 +33,7 @@ from tests.kernel_arrays import (
     drawn_pieces,
     drawn_points,
     drawn_rest,
+    drawn_skin,
     drawn_survey,
     gcc,
     opened,
@@ -62,11 +64,11 @@ def answers(own: ctypes.CDLL | RemoteLibrary) -> list[bytes]:
     return out
 
 
-def cases() -> list[Arrays | Contact | Survey | Law | Rest | Pieces | Points]:
+def cases() -> list[Arrays | Contact | Survey | Law | Rest | Pieces | Points | DrawnSkin]:
     """Return arrays of all kinds for all functions."""
     surveys = [drawn_survey(seed) for seed in range(12)]
     tissue = [*map(drawn_law, range(20)), *map(drawn_rest, range(6))]
-    pads = [*surveys, *map(drawn_pieces, range(6)), *map(drawn_points, range(8))]
+    pads = [*surveys, *map(drawn_pieces, range(6)), *map(drawn_points, range(8)), *map(drawn_skin, range(27))]
     return [*(drawn(seed) for seed in range(0, 40, 3)), *(drawn_contact(seed) for seed in range(20)), *tissue, *pads]
 
 
@@ -203,6 +205,12 @@ def sanitized(path: str, short: bool = False) -> None:
         if seed % 3 == 0:
             points.cells[rng.integers(0, len(points.cells))] = rng.choice([-1, points.tiles.count, 2**62])
         refused += any(points.call(own))
+        skin = drawn_skin(seed)
+        skin.force.flat[rng.integers(0, skin.force.size)] = rng.choice(bad)
+        if seed % 5 == 0:
+            indices = skin.corners if seed % 2 else skin.starts
+            indices.flat[rng.integers(0, indices.size)] = rng.integers(-(2**31), 2**31)
+        refused += any(skin.call(own))
     assert 0 < refused < 600
     print("tried; refused", refused)
 

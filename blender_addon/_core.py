@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     import core.devices.response_readings
     import core.devices.coupling
     import core.devices.kinds
+    import core.devices.inverse_kinematics
     import core.devices.linkage
     import core.devices.pin_array
     import core.devices.workspace

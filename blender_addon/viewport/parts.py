@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import Array, core
+from .._core import Array
 
 Colour = tuple[float, float, float, float]
 
@@ -107,14 +107,15 @@ def bars(starts: Array, ends: Array, halves: Array, colours: Array, sides: int =
         colours: shape (n, 4). sides: number of sides of each bar.
     """
     along = ends - starts
-    side, up = across(along / np.maximum(np.sqrt(core.motion.vectors.dot(along, along)), 1e-12)[:, None])
+    side, up = across(along / np.maximum(np.sqrt(np.add.reduce(along * along, axis=1)), 1e-12)[:, None])
     cosine, sine = _round(sides)
     normals = cosine * side[:, None] + sine * up[:, None]
-    rims = np.concatenate([p[:, None] + halves[:, None, None] * normals for p in (starts, ends)], axis=1)
-    shades = np.repeat(colours[:, None], sides + 1, axis=1)
-    shades[:, :, :3] *= _light(normals)[:, :, None]
-    triangles = _bar_triangles(len(starts), sides)
-    return part_of(rims.reshape(-1, 3), np.concatenate([shades, shades], axis=1).reshape(-1, 4), triangles)
+    spread = halves[:, None, None] * normals
+    rims, shades = (np.empty((len(starts), 2, sides + 1, k), np.float32) for k in (3, 4))
+    rims[:, 0], rims[:, 1] = starts[:, None] + spread, ends[:, None] + spread
+    shades[..., :3] = (colours[:, None, :3] * _light(normals)[:, :, None])[:, None]
+    shades[..., 3] = colours[:, None, None, 3]
+    return Part(rims.reshape(-1, 3), shades.reshape(-1, 4), _bar_triangles(len(starts), sides))
 
 
 @cache
@@ -152,11 +153,12 @@ def across(along: Array) -> tuple[Array, Array]:
     Args:
         along: unit vectors, shape (n, 3), as are the results.
     """
-    other = np.where(np.abs(along[:, 1:2]) < 0.9, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
-    cross = core.motion.vectors.cross
-    side = cross(along, other)
-    side /= np.sqrt(core.motion.vectors.dot(side, side))[:, None]
-    return side, cross(along, side)
+    x, y, z = along.T
+    flat = np.abs(y) < 0.9  # the first result is perpendicular to Y, else to X
+    side = np.array([np.where(flat, -z, 0.0), np.where(flat, 0.0, z), np.where(flat, x, -y)])
+    side /= np.sqrt(np.add.reduce(side * side))
+    a, b, c = side
+    return side.T, np.array([y * c - z * b, z * a - x * c, x * b - y * a]).T
 
 
 def joined(pieces: list[Part]) -> Part:

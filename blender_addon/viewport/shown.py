@@ -223,7 +223,7 @@ def renew(scene: bpy.types.Scene, states: tuple[SkinState, ...] | None = None) -
     _frames[uid] = Frame(
         moment.frame_of(scene),
         shown,
-        tuple(twins.twin_of(scene, row) for row in shown.rows) if shown is not None else (),
+        twins.twins_of(scene, shown.rows) if shown is not None else (),
         skin_shown.shown(scene, skins(scene) if states is None else states),
         readiness.active_devices(scene),
         active.name_full if active is not None else "",

@@ -6,12 +6,13 @@ real one would be.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from .._core import Array, core
+from .._core import Array, DermisError, core
 from ..preview.rows import Row
 from .parts import Colour, Part, bars, joined, lathe, placed
 
@@ -23,6 +24,7 @@ WARNING: Colour = (1.0, 0.52, 0.10, 1.0)
 CRANK, ROD = 1.0e-3, 0.7e-3  # half widths [m]
 DISC_HEIGHT, RING = 1.2e-3, 1.2e-3
 POINTER = 8e-3  # [m] below the disc
+CLOSED = 1e-10  # [rad] a configuration whose servo angles are off by less is that of the angles
 
 
 class Joints(NamedTuple):
@@ -51,7 +53,7 @@ def joints(device: Any, angles: Array, start: Array) -> Joints:
         DermisError: no pose of the platform has these angles.
     """
     absolute = np.asarray(angles, np.float64) + device.servo_zero
-    x = device.forward(angles, start)
+    x = start if _closes(device, angles, start) else device.forward(angles, start)
     pose = device.in_finger(device.pose(x))
     out = core.devices.linkage.LEG_DIRECTIONS
     servo = device.base_radius * out
@@ -61,22 +63,47 @@ def joints(device: Any, angles: Array, start: Array) -> Joints:
     return Joints(servo @ turn.T + origin, knee @ turn.T + origin, platform, pose, x)
 
 
+def _closes(device: Any, angles: Array, x: Array) -> bool:
+    """Return whether a configuration has servo angles, and is on the side of the singular poses that can be reached."""
+    if max(abs(x[0]), abs(x[1])) >= core.devices.thimble.QUARTER:
+        return False
+    try:
+        found, margin = core.devices.inverse_kinematics.inverse_kinematics(device, *x.tolist())
+    except DermisError:
+        return False
+    off = max(abs(one - other) for one, other in zip(found, angles.tolist(), strict=True))
+    return margin > 0.0 and off < CLOSED
+
+
 def parts(device: Any, at: Joints, shares: Array) -> Part:
     """Return the whole twin.
 
     Args:
         shares: share of its range that each servo uses, 0 to 1, shape (3,).
     """
-    warm = np.clip((shares - NEAR_LIMIT) / (1.0 - NEAR_LIMIT), 0.0, 1.0)[:, None]
-    middle = at.pose[:3, 3] + 0.5 * (at.platform - at.pose[:3, 3])
-    links = bars(
-        np.concatenate([at.servo, at.knee, at.platform]),
-        np.concatenate([at.knee, at.platform, middle]),
-        np.repeat([CRANK, ROD, ROD], 3),
-        np.concatenate([(1.0 - warm) * LINK + warm * WARNING, np.tile(LINK, (6, 1))]),
-    )
-    base = _base(device.base_radius, tuple(device.mount.ravel().tolist()))
-    return joined([base, links, placed(disc(device.disc_radius), at.pose)])
+    return all_parts([(device, at, shares)])[0]
+
+
+def all_parts(several: Sequence[tuple[Any, Joints, Array]]) -> list[Part]:
+    """Return `parts` for each of several thimbles; their links are made together."""
+    starts, ends, colours = [], [], []
+    for _, at, shares in several:
+        warm = np.clip((shares - NEAR_LIMIT) / (1.0 - NEAR_LIMIT), 0.0, 1.0)[:, None]
+        middle = at.pose[:3, 3] + 0.5 * (at.platform - at.pose[:3, 3])
+        starts += [at.servo, at.knee, at.platform]
+        ends += [at.knee, at.platform, middle]
+        colours += [(1.0 - warm) * LINK + warm * WARNING, _LINKS]
+    halves = np.tile(_HALVES, len(several))
+    links = bars(np.concatenate(starts), np.concatenate(ends), halves, np.concatenate(colours))
+    count, out = len(several), []
+    positions, shades = links.positions.reshape(count, -1, 3), links.colours.reshape(count, -1, 4)
+    for i, (device, at, _) in enumerate(several):
+        still, own = _still(device.base_radius, device.disc_radius, tuple(device.mount.ravel().tolist()))
+        part = Part(still.positions.copy(), still.colours.copy(), still.triangles)
+        part.positions[own], part.colours[own] = positions[i], shades[i]
+        part.positions[own.stop :] = placed(disc(device.disc_radius), at.pose).positions
+        out.append(part)
+    return out
 
 
 def pointer(pose: Array) -> Array:
@@ -120,10 +147,25 @@ def disc(radius: float) -> Part:
     return lathe([(0.0, 0.0), (radius, 0.0), (radius, DISC_HEIGHT), (0.0, DISC_HEIGHT)], DISC)
 
 
+_HALVES = np.repeat([CRANK, ROD, ROD], 3)
+_LINKS = np.tile(LINK, (6, 1))
+
+
 @lru_cache(16)
-def _base(radius: float, mount: tuple[float, ...]) -> Part:
-    """Return the ring at its mount; no servo moves it."""
-    return placed(ring(radius), np.array(mount).reshape(4, 4))
+def _still(base: float, radius: float, mount: tuple[float, ...]) -> tuple[Part, slice]:
+    """Return a whole twin of which no servo moves the base's ring, and which of its vertices are links.
+
+    Those after the links are the disc's, at no pose.
+
+    Args:
+        base, radius: radii of base and disc [m]. mount: the device's mount, shape (4, 4), in a row.
+    """
+    fixed, nowhere = placed(ring(base), np.array(mount).reshape(4, 4)), np.zeros((len(_HALVES), 3))
+    links = bars(nowhere, nowhere + (0.0, 0.0, 1.0), _HALVES, np.tile(LINK, (len(_HALVES), 1)))
+    whole = joined([fixed, links, disc(radius)])
+    for array in whole:
+        array.flags.writeable = False
+    return whole, slice(len(fixed.positions), len(fixed.positions) + len(links.positions))
 
 
 @cache

@@ -5,6 +5,7 @@ Slow results are kept while nothing changes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
@@ -27,24 +28,39 @@ _platforms: core.recent.Recent[tuple[Any, ...], Twin] = core.recent.Recent(8)
 
 def twin_of(scene: bpy.types.Scene, row: Row) -> Twin | None:
     """Return a row's twin; None if its kind has none, or if no pose is found."""
-    obj = identity.named(scene, row.finger)
-    if obj is None:
-        return None
-    try:
-        match row.drawn:
-            case "tactor":
-                return tactor_twin.tactor(row, scene.dermis.twin_exaggeration)
-            case "screen":
-                return tactor_twin.screen(row)
-            case "pins":
-                return _pins(obj, row)
-            case "thimble":
-                return _thimble(obj, row, workspace=scene.dermis.thimble_view.workspace)
-            case "platform":
-                return _platform(obj, row)
-    except DermisError:
-        pass  # the bake reports the reason
-    return None
+    return twins_of(scene, (row,))[0]
+
+
+def twins_of(scene: bpy.types.Scene, rows: Sequence[Row]) -> tuple[Twin | None, ...]:
+    """Return the twin of each row; the thimbles' parts are made together."""
+    twins: list[Twin | None] = [None] * len(rows)
+    thimbles: dict[int, tuple[core.devices.thimble.Thimble, float, thimble_twin.Joints]] = {}
+    for i, row in enumerate(rows):
+        obj = identity.named(scene, row.finger)
+        if obj is None:
+            continue
+        try:
+            match row.drawn:
+                case "tactor":
+                    twins[i] = tactor_twin.tactor(row, scene.dermis.twin_exaggeration)
+                case "screen":
+                    twins[i] = tactor_twin.screen(row)
+                case "pins":
+                    twins[i] = _pins(obj, row)
+                case "thimble":
+                    mounted = mounted_mechanism(obj, row.device)
+                    if mounted is not None:
+                        thimbles[i] = (*mounted, _joints(*mounted, row))
+                case "platform":
+                    twins[i] = _platform(obj, row)
+        except DermisError:
+            pass  # the bake reports the reason
+    if thimbles:
+        made = thimble_twin.all_parts([(t[0], t[2], thimble_twin.shares(rows[i])) for i, t in thimbles.items()])
+        for (i, (device, reference, at)), part in zip(thimbles.items(), made, strict=True):
+            loops = workspace_of(device, reference) if scene.dermis.thimble_view.workspace else None
+            twins[i] = _of_one_part(part, at, lines=() if loops is None else _workspace(loops, at))
+    return tuple(twins)
 
 
 def mounted_mechanism(obj: bpy.types.Object, preset: str) -> tuple[core.devices.thimble.Thimble, float] | None:
@@ -105,15 +121,9 @@ def _pins(obj: bpy.types.Object, row: Row) -> Twin | None:
     return _of_one_part(pin_twin.discs(pins, row.numbers), pins, covers=False)
 
 
-def _thimble(obj: bpy.types.Object, row: Row, *, workspace: bool) -> Twin | None:
-    mounted = mounted_mechanism(obj, row.device)
-    if mounted is None:
-        return None
-    device, reference = mounted
+def _joints(device: core.devices.thimble.Thimble, reference: float, row: Row) -> thimble_twin.Joints:
     start = np.array([row.values.get("pitch", 0.0), row.values.get("roll", 0.0), row.values.get("distance", reference)])
-    joints = thimble_twin.joints(device, thimble_twin.servo_angles(row), start)
-    lines = _workspace(workspace_of(device, reference), joints) if workspace else ()
-    return _of_one_part(thimble_twin.parts(device, joints, thimble_twin.shares(row)), joints, lines=lines)
+    return thimble_twin.joints(device, thimble_twin.servo_angles(row), start)
 
 
 def _workspace(loops: list[Array], joints: thimble_twin.Joints) -> tuple[Line, ...]:

@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import changes, identity
+from .. import changes
 from ..results.lanes import Kind, Lane, Series
 
 MOST = 20_000  # largest number of frames that are kept for a value
@@ -36,9 +36,7 @@ def note(scene: bpy.types.Scene, frame: Any) -> None:
         if "mismatch" in row.signals:
             _add(row.finger, "mismatch", frame.frame, row.signals["mismatch"])
     for state in frame.skins.states:
-        if (
-            state.source == "live" and identity.named(scene, state.finger) is not None
-        ):  # not a skin as a device renders it
+        if state.source == "live" and state.work != "rendered":  # not a skin as a device renders it
             _add(state.finger, "force", frame.frame, float(state.normal_force))
     _lanes = None
 

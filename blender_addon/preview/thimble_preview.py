@@ -135,7 +135,7 @@ def _followed(
     settings = _settings.make((target.finger, device.preset, changes.edits()), lambda: _settings_of(device))
     model = thimble_devices.pressed(obj, target.model)
     on = core.surrogate.press_points.pressed_on(model)
-    key = (device.preset, settings, model.key, model.tissue, on, repr(model.material), changes.lineage())
+    key = (device.preset, settings, model.key, model.tissue, on, model.material, changes.lineage())
     if path is None or path.key != key:
         path = _paths[target.finger] = _FingerPath(key)
     path.asked = asked

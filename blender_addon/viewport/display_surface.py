@@ -61,6 +61,7 @@ class DisplaySurface(NamedTuple):
         at_rest: normals of the drawn vertices without deformation, shape (d, 3).
         middle: middle of the box around `rest` in X and Y [m], shape (2,).
         length: length of that box along Y [m].
+        record: record for the kernels that points to the arrays above.
     """
 
     nodes: Indices32
@@ -73,6 +74,7 @@ class DisplaySurface(NamedTuple):
     at_rest: Array
     middle: Array
     length: float
+    record: Any
 
     @classmethod
     def of(cls, mesh: Any) -> DisplaySurface:
@@ -103,7 +105,11 @@ class DisplaySurface(NamedTuple):
         box = (0.5 * (low + high), float(high[1] - low[1]))
         for indices in ("indices", "indptr"):
             setattr(refine, indices, getattr(refine, indices).astype(np.int32))
-        return cls(nodes.astype(np.int32), points, refine, rest, triangles, palmar, coarse, at_rest, *box)
+        place, record = core.kernels.records.address, core.kernels.records.DrawnRecord()
+        record.nodes, record.triangles, record.points, record.corners = len(nodes), count, place(points), place(coarse)
+        record.drawn, record.entries, record.rest = len(rest), len(refine.data), place(rest)
+        record.starts, record.columns, record.weights = place(refine.indptr), place(refine.indices), place(refine.data)
+        return cls(nodes.astype(np.int32), points, refine, rest, triangles, palmar, coarse, at_rest, *box, record)
 
     def deformed(
         self, model: Any, force: Array, normal_force: float, nodal: Nodal, exaggeration: float, lift: float
@@ -121,37 +127,35 @@ class DisplaySurface(NamedTuple):
         Raises:
             DermisError: the kernels are missing, or an array does not fit.
         """
-        count, drawn, entries, m = len(self.nodes), len(self.rest), len(self.refine.data), model.pad_count
-        positions, normals, values = np.empty((drawn, 3)), np.empty((drawn, 3)), np.empty(drawn)
+        count, drawn, m, table = len(self.nodes), len(self.rest), model.pad_count, nodal.table
+        place, kernels = core.kernels.records.address, core.kernels.library.kernels()
         pad = [np.ascontiguousarray(a, np.float64) for a in (model.positions, model.normals, force)]
-        moved = np.empty((count, 3)) if nodal.moved is None else np.ascontiguousarray(nodal.moved, np.float64)
-        shown = np.empty(count) if nodal.values is None else np.ascontiguousarray(nodal.values, np.float64)
-        table = nodal.table
-        sums = np.empty((0 if table is None else count, 9), np.float32)
-        fits = moved.shape == (count, 3) and shown.shape == (count,) and (table is None or table.size == 27 * m * count)
-        if not fits or any(a.shape != (m, 3) for a in pad):
-            raise DermisError("an array does not fit the skin that is drawn", where="skin", value=np.shape(force))
-        room, kernels = np.empty((count, 8)), core.kernels.library.kernels()
-        place, record = core.kernels.records.address, core.kernels.records.DrawnRecord()
-        record.nodes, record.triangles = count, len(self.coarse)
-        record.points, record.corners = place(self.points), place(self.coarse)
-        record.drawn, record.entries, record.rest = drawn, entries, place(self.rest)
-        record.starts, record.columns = place(self.refine.indptr), place(self.refine.indices)
-        record.weights = place(self.refine.data)
-        record.pad = m
-        record.pad_positions, record.pad_normals, record.force = map(place, pad)
-        record.normal_force, record.modulus = normal_force, model.material.modulus
-        record.table = None if table is None else place(table)
+        out, room = np.empty(7 * drawn), np.empty(12 * count)
+        moved, shown = room[8 * count : 11 * count].reshape(count, 3), room[11 * count :]
+        if nodal.moved is not None:
+            moved[:] = nodal.moved
+        if nodal.values is not None:
+            shown[:] = nodal.values
+        if any(a.shape != (m, 3) for a in pad) or (table is not None and table.size != 27 * m * count):
+            raise DermisError("forces or a table do not fit the skin", where="drawn skin", value=np.shape(force))
+        record = core.kernels.records.DrawnRecord.from_buffer_copy(self.record)
+        record.pad, record.normal_force, record.modulus = m, normal_force, model.material.modulus
+        record.pad_positions, record.pad_normals, record.force = place(pad[0]), place(pad[1]), place(pad[2])
+        if table is not None:
+            sums = np.empty(9 * count, np.float32)
+            record.table, record.sums = place(table), place(sums)
         record.quantity = nodal.quantity if nodal.values is None else -1
         record.exaggeration, record.lift = exaggeration, lift
-        record.moved, record.values, record.sums, record.room = place(moved), place(shown), place(sums), place(room)
-        record.positions, record.normals, record.shown = map(place, (positions, normals, values))
+        record.room = at = place(room)
+        record.moved, record.values = at + 64 * count, at + 88 * count
+        record.positions = at = place(out)
+        record.normals, record.shown = at + 24 * drawn, at + 48 * drawn
         status = kernels.draw_skin(byref(record))
         if status != core.kernels.records.DONE:
             raise DermisError("a record for the kernels is damaged", where=kernels.path.name, value=status)
-        return Fine(
-            positions, normals, values, record.low, record.high, np.array(record.centre), np.array(record.shear)
-        )
+        vectors = out[: 6 * drawn].reshape(2, drawn, 3)
+        told = np.array(record.centre), np.array(record.shear)
+        return Fine(vectors[0], vectors[1], out[6 * drawn :], record.low, record.high, *told)
 
 
 def _unit(vectors: Array) -> Array:

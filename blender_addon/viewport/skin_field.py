@@ -274,7 +274,7 @@ def _kept_shortcut(own: _Kit, model: Any) -> NDArray[np.float32]:
     path = model.cache.get(key)
     kept = None if path is None else store.read_table(path, (3 * model.pad_count, 9 * len(own.surface.nodes)))
     if kept is not None:
-        return np.asarray(kept, np.float32)
+        return np.ascontiguousarray(kept, np.float32)
     made = _shortcut(own, model)
     model.cache.put(key, lambda part: store.write_table(part, made))
     return made

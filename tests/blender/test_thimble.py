@@ -121,6 +121,24 @@ def test_servos_that_a_device_reports_are_shown_in_their_own_pose(demo) -> None:
     assert f"{1e3 * joints.x[2]:.2f} mm" in drawn and not any("mismatch" in words for words in drawn)
 
 
+def test_a_pose_that_has_the_servos_angles_is_what_a_search_finds(demo) -> None:
+    device = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
+    made = []
+    for x in ([0.0, 0.0, 0.018], [0.1, -0.15, 0.0175], [-0.2, 0.05, 0.0185]):
+        angles = device.joints(x)[0]
+        at = thimble_twin.joints(device, angles, np.array(x))
+        found = thimble_twin.joints(device, angles, np.array([0.0, 0.0, 0.0181]))
+        np.testing.assert_array_equal(at.x, x)
+        for one, other in zip(at, found, strict=True):
+            np.testing.assert_allclose(one, other, atol=1e-9)
+        off = thimble_twin.joints(device, angles + 1e-6, np.array(x))
+        assert 1e-10 < np.abs(off.x - x).max() < 1e-4  # the angles count, not the pose that is told
+        made.append((device, at, np.array([0.2, 0.9, 1.0])))
+    for together, alone in zip(thimble_twin.all_parts(made), [thimble_twin.parts(*one) for one in made], strict=True):
+        for one, other in zip(together, alone, strict=True):
+            np.testing.assert_array_equal(one, other)
+
+
 def test_a_servo_near_its_limit_turns_orange(demo) -> None:
     device = core.devices.thimble.mechanism(library().device("thimble_3rrs"))
     at = thimble_twin.joints(device, np.zeros(3), np.array([0.0, 0.0, 0.018]))

@@ -203,7 +203,7 @@ def _take_bake(scene: bpy.types.Scene) -> None:
     if kept.devices is not None and kept.devices.source == "live":
         shown = devices(scene)
         rows = shown.rows if shown is not None else ()
-        kept = kept._replace(devices=shown, twins=tuple(twins.twin_of(scene, row) for row in rows))
+        kept = kept._replace(devices=shown, twins=twins.twins_of(scene, rows))
     _frames[scene.session_uid] = kept
 
 

@@ -16,7 +16,6 @@ from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
 from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.point_solver import PointSolver
-from core.scene.sliding import sliding_plane
 from core.skin.model import SkinModel
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_store import smooth_pad
@@ -103,16 +102,6 @@ def rod(radius: float, along: str = "x") -> Solid:
 def flat() -> Solid:
     """Return the half-space below z = 0."""
     return Solid(lambda p: (p[:, 2].copy(), np.tile([0.0, 0.0, 1.0], (len(p), 1))))
-
-
-def block() -> Solid:
-    """Return the same with a closed mesh, so that points are found however deep skin is in it, as in soft bodies."""
-
-    def mesh() -> Surface:
-        slab = sliding_plane().bodies[0].mesh
-        return Surface.build(slab.vertices, slab.triangles)
-
-    return Solid(flat().distance, mesh)  # type: ignore[attr-defined]
 
 
 def edge(rounding: float = 0.5e-3, half_angle: float = np.pi / 4) -> Solid:
@@ -249,7 +238,7 @@ def cup(count: int = 120) -> Touch:
 
 def foam(count: int = 120) -> Touch:
     """Return a soft flat block, pressed and tilted: it yields 1 mm under 8 kPa."""
-    return make("foam", block(), count, softness=1e-3 / 8e3, depth=[(0, -0.3), (0.4, 2.0), (0.7, 2.0), (1, -0.3)],
+    return make("foam", flat(), count, softness=1e-3 / 8e3, depth=[(0, -0.3), (0.4, 2.0), (0.7, 2.0), (1, -0.3)],
                 pitch=[(0, 0), (0.5, 10), (1, 0)], roll=[(0, 0), (0.3, 8), (0.7, -8), (1, 0)])  # fmt: skip
 
 

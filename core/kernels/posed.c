@@ -41,22 +41,22 @@ static int64_t measure(const dermis_posed *posed, const double *x, double limit,
     return triangle;
 }
 
-void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, const double *x, const double *inward, dermis_sight *sight) {
+void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, double behind, const double *x, const double *inward, dermis_sight *sight) {
     double best = limit;
     int64_t before = sight->body, hint = sight->slot;
     *sight = (dermis_sight){limit, {0.0, 0.0, 0.0}, -1, -1, -1};
     for (int64_t b = 0; b < bodies; b++) {
         const dermis_posed *one = posed + b;
         double gap, out[3], farthest = dermis_most(best, 0.0);
-        /* behind an open sheet, or in a body that is inside out, a point is found only within the limit: do not reduce
-           it */
-        if (one->body != NULL && (one->body->outside < 0 || !one->body->closed)) farthest = limit;
+        /* behind an open sheet, or in a body that is inside out, a point is found only within the distance that is
+           searched: it must not be a cell's own limit, since skin may be deep in a soft sheet */
+        if (one->body != NULL && (one->body->outside < 0 || !one->body->closed)) farthest = dermis_most(limit, behind);
         int64_t slot = b == before ? hint : -1, on = measure(one, x, farthest, &slot, &gap, out);
         if (on < 0) continue;
         if (one->body != NULL && dermis_dot(out, inward) < OPPOSITE) {
             double above[3];
             for (int k = 0; k < 3; k++) above[k] = x[k] + ABOVE * inward[k];
-            on = measure(one, above, limit, &slot, &gap, out);
+            on = measure(one, above, dermis_most(limit, farthest), &slot, &gap, out);
             if (on < 0 || dermis_dot(out, inward) < OPPOSITE) continue;
             gap -= ABOVE * dermis_dot(out, inward);
         }

@@ -56,7 +56,7 @@ static dermis_sight look_down(const dermis_survey *s, int64_t cell, const double
     if (centre->gap < -s->deep) {
         double steep = dermis_most(dermis_dot(inward, centre->normal), s->steep);
         for (int k = 0; k < 3; k++) at[k] -= centre->gap / steep * inward[k];
-        dermis_look(s->posed, s->bodies, s->limit, at, inward, &sight);
+        dermis_look(s->posed, s->bodies, s->limit, s->limit, at, inward, &sight);
         out->middle = sight.gap;
     }
     for (int k = 0; k < 3; k++) out->normal[0][k] = sight.normal[k];
@@ -83,7 +83,7 @@ static void look_about(const dermis_survey *s, int64_t cell, const double *at, c
     for (int corner = 0; corner < 4; corner++) {
         double x[3];
         for (int k = 0; k < 3; k++) x[k] = at[k] + corners[3 * corner + k];
-        dermis_look(s->posed, s->bodies, s->limit, x, inward, &sight);
+        dermis_look(s->posed, s->bodies, s->limit, s->limit, x, inward, &sight);
         out->gap[corner] = sight.gap;
         for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = sight.normal[k];
     }
@@ -211,7 +211,7 @@ static void move_afar(const dermis_survey *s, double farthest) {
         double x[3], inward[3], *shift = s->afar + 3 * root;
         if (s->in_root[root] >= 0) continue;
         centre_of(s, root, x, inward);
-        dermis_look(s->posed, s->bodies, near_of(s, root) + farthest, x, inward, &sight);
+        dermis_look(s->posed, s->bodies, near_of(s, root) + farthest, s->limit, x, inward, &sight);
         for (int k = 0; k < 3; k++) shift[k] = sight.body < 0 ? __builtin_nan("") : s->common[k];
         if (sight.body >= 0) near[count++] = root;
     }
@@ -240,11 +240,11 @@ static int walk(dermis_survey *s, double many, double farthest) {
             if (shift[0] != shift[0]) continue;
             centre_of(s, cell, x, inward);
             if (cell >= s->roots && s->in_root[s->root[cell]] < 0) { /* the quick test of `move_afar` */
-                dermis_look(s->posed, s->bodies, near + farthest, x, inward, &sight);
+                dermis_look(s->posed, s->bodies, near + farthest, s->limit, x, inward, &sight);
                 if (sight.body < 0) continue;
             }
             for (int k = 0; k < 3; k++) x[k] += shift[k];
-            dermis_look(s->posed, s->bodies, near, x, inward, &sight);
+            dermis_look(s->posed, s->bodies, near, s->limit, x, inward, &sight);
             if (sight.body < 0) continue;
             const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
             if ((some[1] || some[2] || some[3]) && sight.gap < s->limits[cell] + s->beside * s->longs[cell])

@@ -61,6 +61,21 @@ def test_forces_are_those_of_graded_meshes(pad, surface, force, error):
     assert not solver.findings
 
 
+@pytest.mark.parametrize("softness", [0.0, 1e-3 / 8e3])
+def test_an_open_sheet_presses_as_the_block_whose_face_it_is(pad, softness):
+    """In a soft sheet the skin is deep: it is found behind the sheet, however fine the cells are."""
+    corners = 0.03 * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    sheet = Surface.build(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    forces = []
+    for surface in (sheet, Surface.block()):
+        solver = PointSolver(pad)
+        for depth in np.arange(0.0, 2.05e-3, 0.1e-3):
+            last = solver.step([replace(body(surface, depth), softness=softness)])
+        forces.append(last.solution.force.sum(axis=0)[2])
+    assert forces[0] == pytest.approx(forces[1], rel=1e-3)
+    assert forces[1] > 0.5
+
+
 def test_points_are_as_fine_as_what_presses(pad):
     """A plane asks for the coarsest cells alone; an edge for fine ones where it is, and nowhere else."""
     flat, _ = pressed(pad, Surface.block())

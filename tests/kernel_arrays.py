@@ -36,6 +36,13 @@ FUNCTIONS = (
     "dermis_press_pieces",
     "dermis_number_points",
     "dermis_draw_skin",
+    "dermis_node_gaps",
+    "dermis_expect",
+    "dermis_offset",
+    "dermis_foresee",
+    "dermis_keep",
+    "dermis_drift",
+    "dermis_sum",
 )
 
 GIVEN = "compliance", "offset", "normals", "friction", "softness", "force"  # of a contact
@@ -119,7 +126,21 @@ class Arrays:
                 statuses.append(library.dermis_body_judge(ctypes.byref(body)))
                 self.by_rays = bool(body.by_rays)
             statuses.append(library.dermis_distances(ctypes.byref(query)))
+            statuses.append(self.node_gaps(library, body))
         return statuses
+
+    def node_gaps(self, library: Any, body: records.BodyRecord) -> int:
+        """Return the status of the gaps of nodes at the points, to the body turned upside down about X; they stay."""
+        n = len(self.points)
+        pose = np.concatenate([np.diag([1.0, -1.0, -1.0]).ravel(), np.zeros(records.POSE - 9)])
+        box = np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+        places, came = np.ascontiguousarray(self.points * [1.0, -1.0, -1.0]), np.arange(n) % 2
+        before = np.tile([0.0, 0.0, 1.0], (n, 1))
+        self.told, self.which = np.full((7, n), np.nan), np.full((3, n), -7)
+        limit = self.limit if self.limit >= 0.0 else 0.0
+        fixed = address(pose), address(box), n, 1, limit, -1.0 if self.by_rays else 1.0, 0.5, 1e-9
+        arrays = map(address, (places, places, came, before, self.told, self.which))
+        return int(library.dermis_node_gaps(ctypes.byref(records.GapsRecord(ctypes.addressof(body), *fixed, *arrays))))
 
     def measure(self, library: Any, packed: bool) -> int:
         """Return the status of distances alone, by a tree that was made before, or without."""
@@ -131,7 +152,8 @@ class Arrays:
     def answer(self) -> bytes:
         """Return everything that a call has filled."""
         arrays = self.order, self.packed, self.boxes, self.normals, *self.found.values()
-        return b"".join(array.tobytes() for array in arrays) + bytes([self.by_rays])
+        gaps = self.told.tobytes() + self.which.tobytes() if hasattr(self, "told") else b""
+        return b"".join(array.tobytes() for array in arrays) + bytes([self.by_rays]) + gaps
 
 
 def drawn(seed: int) -> Arrays:
@@ -189,7 +211,8 @@ class Contact:
         given, step = self.nodes.size, self.compliance.itemsize
         few = given < n
         room = np.full((9 * records.KEPT + 12 + few * (14 + (9 * given * step + 7) // 8)) * given + few, np.nan)
-        self.image = np.full((n, 3), np.nan)
+        self.image, self.moved = np.full((2, n, 3), np.nan)
+        self.status = np.full(n, -7, dtype=np.int8)
         self.record = record = records.ContactRecord(
             n,
             self.compliance.dtype == np.float32,
@@ -200,6 +223,8 @@ class Contact:
             self.most,
             address(self.force),
             address(self.image),
+            address(self.moved),
+            address(self.status),
             given,
             address(self.nodes),
             address(room),
@@ -210,8 +235,8 @@ class Contact:
 
     def answer(self) -> bytes:
         """Return everything that a call has filled."""
-        told = np.array([self.record.residual, self.record.sweeps])
-        return self.force.tobytes() + self.image.tobytes() + told.tobytes()
+        told = np.array([self.record.residual, self.record.sweeps, self.record.missed])
+        return b"".join(array.tobytes() for array in (self.force, self.image, self.moved, self.status, told))
 
 
 def drawn_contact(seed: int) -> Contact:
@@ -570,3 +595,64 @@ def gcc(out: Path, *flags: str) -> list[str]:
     """Return the command by which gcc makes a library of the sources, and of others among the flags."""
     files = [str(path) for path in building.sources() if path.suffix == ".c"]
     return ["gcc", *building.FLAGS, "-fPIC", building.defined(), *flags, "-o", str(out), *files]
+
+
+@dataclass(eq=False)
+class Friction:
+    """The friction history of some nodes, and a frame; the library gets every change that is made before a call."""
+
+    arrays: dict[str, Array]
+
+    def call(self, own: Any, **changed: float) -> list[int]:
+        """Return the statuses of all functions, with fields of the record changed; all results stay in the arrays."""
+        arrays, n = self.arrays, len(self.arrays["gap"])
+        self.record = record = records.FrictionRecord(n, len(arrays["poses"]), radius=1e-3, share=0.7)
+        record.drift[:], record.passed[:] = [1e-4, -2e-4, 0.0], [2e-4, 1e-4, 1e-5]
+        record.entered = len(arrays["entering"])
+        for name in (field[0] for field in records.FrictionRecord._fields_):
+            if name in arrays:
+                setattr(record, name, address(arrays[name]))
+        for name, value in changed.items():
+            setattr(record, name, value)
+        calls = own.dermis_expect, own.dermis_offset, own.dermis_foresee, own.dermis_keep, own.dermis_drift
+        statuses = [int(call(ctypes.byref(record))) for call in calls]
+        names = "points", "force", "facing", "moved", "image", "gaps", "status"
+        self.sums = records.SumsRecord(n, n % 2, *(address(arrays[name]) for name in names))
+        return [*statuses, int(own.dermis_sum(ctypes.byref(self.sums)))]
+
+    def answer(self) -> bytes:
+        """Return everything that a call has filled."""
+        sums = [getattr(self.sums, name) for name in ("normal", "tangential", "depth", "slide", "sticking", "slipping")]
+        told = [*self.record.drift, *self.record.passed, self.record.shifted, self.record.slides, *sums]
+        return b"".join(array.tobytes() for array in self.arrays.values()) + np.array(told).tobytes()
+
+
+def drawn_friction(seed: int) -> Friction:
+    """Return nodes that stick, slip and are off three bodies, of which one is stretched and one may be away."""
+    rng = np.random.default_rng(seed)
+    n, scale = int(rng.integers(1, 60)), 10.0 ** rng.uniform(-5, -2)
+    poses = np.zeros((3, records.POSE))
+    for k, row in enumerate(poses):
+        carry = np.eye(3) + (k == 1) * 0.2 * rng.normal(size=(3, 3))
+        row[:9], row[9:12] = np.linalg.qr(rng.normal(size=(3, 3)))[0].ravel(), scale * rng.normal(size=3)
+        row[12:21], row[21:30] = carry.ravel(), np.linalg.inv(carry).ravel()
+    poses[2, 30] = seed % 2
+    owner, below = rng.integers(-1, 2 + seed % 3 // 2, (2, n))
+    below[: n // 2] = owner[: n // 2]
+    facing = rng.normal(size=(n, 3))
+    facing /= np.linalg.norm(facing, axis=1)[:, None]
+    force = np.where(rng.random((n, 1)) < 0.7, facing + 0.3 * rng.normal(size=(n, 3)), 0.0)
+    arrays: dict[str, Array] = {"poses": poses, "owner": owner, "below": below, "facing": facing, "force": force}
+    for name in ("material", "normal", "slip", "swept", "points", "image", "moved", "offset"):
+        arrays[name] = scale * rng.normal(size=(n, 3))
+    for name in ("anchors", "normals", "places", "origins", "sweeping", "shift", "positions", "crossing"):
+        arrays[name] = scale * rng.normal(size=(n, 3))
+    for name in ("gap", "gaps", "own", "soft", "friction"):
+        arrays[name] = scale * rng.random(n) - (name == "gaps") * scale / 2
+    for name in ("triangle", "faces", "nodes"):
+        arrays[name] = rng.integers(0, 99, n)
+    arrays["corners"], arrays["entering"] = rng.integers(0, 99, (n, 3)), rng.permutation(n)[: n // 4]
+    for name in ("sticking", "loaded", "renewed"):
+        arrays[name] = rng.integers(0, 2, n).astype(np.uint8)
+    arrays["status"] = rng.integers(0, 3, n).astype(np.int8)
+    return Friction(arrays)

@@ -194,8 +194,7 @@ class CompliantBone:
 
     def _bone_step(self, step: PathStep, retraction: float, scene_frame: float) -> BoneStep:
         spring = self._spring(step)
-        depth = step.depth(self.solver.points, self.solver.bone)
-        depth = max(depth - spring, 0.0)
+        depth = max(step.sums.depth - spring, 0.0)
         if spring > 0 and depth > self._range.depth:
             what = f"the finger sinks too deep: {self._tissue} skin is not trusted at this depth"
             self._notes.warn(
@@ -206,12 +205,12 @@ class CompliantBone:
                 limit=f"<= {1e3 * self._range.depth:g} mm",
                 remedy="Raise the finger, or use a softer spring",
             )
-        if step.slide > self._range.slide:
+        if step.sums.slide > self._range.slide:
             self._notes.warn(
                 "slid-far",
                 f"the finger is dragged farther than {self._tissue} skin is trusted",
                 scene_frame,
-                value=f"{1e3 * step.slide:.2f} mm",
+                value=f"{1e3 * step.sums.slide:.2f} mm",
                 limit=f"<= {1e3 * self._range.slide:g} mm",
                 remedy="Press less deep while it slides, or use less friction",
             )
@@ -256,8 +255,7 @@ class CompliantBone:
         """Return the next retraction: a secant step, or the middle of the bounds if that step exceeds them."""
         slope = self._slope
         if not slope > 0.0:
-            depth = step.depth(self.solver.points, self.solver.bone)
-            slope = self._force(step) / max(depth, 1e-5)
+            slope = self._force(step) / max(step.sums.depth, 1e-5)
         trial = max(retraction + excess / max(slope, 1e-6), 0.0)
         if not low < trial < high and trial != 0.0:
             trial = (low + high) / 2 if np.isfinite(high) else 2 * retraction + 1e-4

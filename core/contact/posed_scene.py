@@ -16,6 +16,10 @@ from .proximity import RelativePoses
 from .solver.bodies import ContactBody
 from .surfaces import bounds_in_world, boxes_in_world
 
+# Up to this many boxes, of all bodies at all samples of a chunk, are computed at once for all fingers: a call takes as
+# long as this many boxes. This affects only the run time.
+AT_ONCE = 512
+
 
 class PosedScene:
     """Fingers and bodies of a scene in the present chunk.
@@ -36,6 +40,7 @@ class PosedScene:
         self._bodies = [PosedBody(body, d) for body, d in zip(bodies, told, strict=True)]
         self._turns: Array | None = None
         self._bounds: tuple[Array, Array] | None = None  # bounds of the bodies over the chunk
+        self._boxes: tuple[Array, Array, NDArray[np.bool_]] | None = None  # boxes of all bodies
         self._asked: dict[bytes, tuple[Array, Array, NDArray[np.bool_]]] = {}  # boxes by set of bodies
         self._previous: Array | None = None  # the fingers' poses at the sample before the chunk
 
@@ -49,7 +54,7 @@ class PosedScene:
         """
         if not again and hasattr(self, "chunk"):
             self._previous = self.chunk.fingers[:, -1]
-        self.chunk, self._turns, self._bounds, self._asked = chunk, None, None, {}
+        self.chunk, self._turns, self._bounds, self._boxes, self._asked = chunk, None, None, None, {}
         self._headers = self._headers if bodies is None else tuple(bodies)
         for b, body in enumerate(self._bodies):
             body.take(b, chunk, again=again)
@@ -99,15 +104,22 @@ class PosedScene:
             Centre and half size of each box [m], shape (k, n, 3) each, and whether the body has a scale of 0 along an
             axis, shape (k, n), so that it cannot be touched.
         """
+        if len(self._bodies) * len(self.chunk.times) <= AT_ONCE:
+            if self._boxes is None:
+                self._boxes = self._boxes_of(np.arange(len(self._bodies)))
+            middle, half, flat = self._boxes
+            return middle.take(bodies, axis=0), half.take(bodies, axis=0), flat.take(bodies, axis=0)
         key = bodies.tobytes()
         if key not in self._asked:
-            boxes, poses = np.zeros((len(bodies), len(self.chunk.times), 2, 3)), self.chunk.bodies[bodies]
-            for k, b in enumerate(bodies.tolist()):
-                boxes[k] = self._bodies[b].boxes()
-            linear = poses[:, :, :3, :3]
-            flat = singular(linear.reshape(-1, 3, 3)).reshape(linear.shape[:2])
-            self._asked[key] = *boxes_in_world(poses, boxes), flat
+            self._asked[key] = self._boxes_of(bodies)
         return self._asked[key]
+
+    def _boxes_of(self, bodies: Indices) -> tuple[Array, Array, NDArray[np.bool_]]:
+        boxes, poses = np.zeros((len(bodies), len(self.chunk.times), 2, 3)), self.chunk.bodies[bodies]
+        for k, b in enumerate(bodies.tolist()):
+            boxes[k] = self._bodies[b].boxes()
+        linear = poses[:, :, :3, :3]
+        return *boxes_in_world(poses, boxes), singular(linear.reshape(-1, 3, 3)).reshape(linear.shape[:2])
 
     def at(self, b: int, i: int) -> Posed:
         """Return body `b` at sample `i` in the world; its scale there must not be 0."""

@@ -33,7 +33,7 @@ class SkinStep:
         points: forces on points of the smooth skin; None if contact is solved at nodes.
         amounts: displacement of the pad in linear skin minus that in nonlinear skin [m], see `Stimulus.given`; None for
             linear skin.
-        slide: mean tangential displacement of the loaded skin by friction, see `PathStep.slide` [m].
+        slide: mean tangential displacement of the loaded skin by friction, see `PathStep.sums` [m].
     """
 
     force: Array
@@ -93,7 +93,7 @@ class SkinContact:
             was solved at nodes.
         given: correction of nonlinear skin at the samples in contact [m], see `Stimulus.given`, float32, shape (k, 3
             m); packed in a finished bake. `amounts` is always the array. None for linear skin.
-        slide: mean tangential displacement of the loaded skin by friction, see `PathStep.slide` [m], shape (n,); None
+        slide: mean tangential displacement of the loaded skin by friction, see `PathStep.sums` [m], shape (n,); None
             in results of earlier versions.
     """
 

@@ -30,7 +30,6 @@ from .proximity import Proximity
 from .sample_window import Approach
 from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody, NodeGaps
-from .solver.cone import SLIP, STICK, carrying
 from .solver.grip import GripStep
 from .solver.point_solver import REACH, PointSolver
 
@@ -78,7 +77,8 @@ class SkinStepper:
         self._coarse = None if self.on_points else CoarseTouches(skin.mesh, self.name)
         self.far = 0
         self._scene = scene
-        self._low, self._high = skin.positions.min(axis=0), skin.positions.max(axis=0)
+        low, high = skin.positions.min(axis=0), skin.positions.max(axis=0)
+        self._middle, self._half = (low + high) / 2, (high - low) / 2
         self._order: list[int] = []  # every body that has come near so far
         self._gaps: NodeGaps | None = None  # of the sample that was solved last
         self._radius = REACH if self.on_points else self.bone.solver.search_radius
@@ -103,8 +103,8 @@ class SkinStepper:
             DermisError: a deforming object has no surface.
         """
         turn, place = self._scene.turns()[self.index], self._scene.chunk.fingers[self.index, :, :3, 3]
-        middle = place + turn @ ((self._low + self._high) / 2)
-        half = np.abs(turn) @ ((self._high - self._low) / 2) + self._radius
+        middle = place + turn @ self._middle
+        half = np.abs(turn) @ self._half + self._radius
         within = self._scene.within((middle - half).min(axis=0), (middle + half).max(axis=0))
         box_middle, box_half, flat = self._scene.boxes(within)
         inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2) & ~flat
@@ -227,9 +227,9 @@ class SkinStepper:
         self._gaps = bone.step.gaps
         if self._coarse is not None:
             self._coarse.take(solution, frame)
-        if self.surface is None or not isinstance(solver, PointSolver) or not solution.force.any():
+        if self.surface is None or not isinstance(solver, PointSolver) or not solution.loaded.any():
             return _skin_step(bone)
-        loaded = carrying(solution.force).nonzero()[0]
+        loaded = solution.loaded.nonzero()[0]
         points = PointForces(self.surface, solver.cells[loaded], solution.force[loaded], bone.step.amounts)
         return _skin_step(bone, points)
 
@@ -271,22 +271,20 @@ class SkinStepper:
 
 def _skin_step(bone: BoneStep, points: PointForces | None = None) -> SkinStep:
     """Sum up a sample of the solver."""
-    solution, work = bone.step.solution, bone.step.work
-    if not solution.force.any():
-        return SkinStep(bone.step.nodal, lift=bone.lift, work=work, converged=solution.converged)
-    normal = solution.normal_force
-    across = (solution.force - normal[:, None] * solution.normals).sum(axis=0)
+    step, converged = bone.step, bone.step.solution.converged
+    if not step.solution.loaded.any():
+        return SkinStep(step.nodal, lift=bone.lift, work=step.work, converged=converged)
+    sums = step.sums
+    forces, counts = (sums.normal, sums.tangential), (sums.sticking, sums.slipping)
     return SkinStep(
-        bone.step.nodal,
-        float(normal.sum()),
-        float(np.linalg.norm(across)),
+        step.nodal,
+        *forces,
         bone.depth,
         bone.lift,
-        int((solution.status == STICK).sum()),
-        int((solution.status == SLIP).sum()),
-        work,
-        bool(solution.converged),
+        *counts,
+        step.work,
+        bool(converged),
         points,
-        bone.step.amounts,
-        bone.step.slide,
+        step.amounts,
+        sums.slide,
     )

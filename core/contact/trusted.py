@@ -23,7 +23,7 @@ class Range(NamedTuple):
 
     Attributes:
         depth: largest penetration of the undeformed skin [m].
-        slide: largest slide, see `PathStep.slide` [m].
+        slide: largest slide, see `PathStep.sums` [m].
     """
 
     depth: float

@@ -192,20 +192,18 @@ DERMIS_NOINLINE static int32_t fit(dermis_body *body) {
     return DERMIS_DONE;
 }
 
-/* Refuse triangles whose area has no finite square above zero. With a tree, `dermis_tree_fit` has refused them
-   already. */
-static int32_t known_triangles(dermis_query *query) {
-    const dermis_tree *tree = query->body->tree;
+int32_t dermis_known_triangles(const dermis_body *body, int64_t *wrong) {
+    const dermis_tree *tree = body->tree;
     for (int64_t j = 0; j < tree->count && tree->packed == NULL; j++) {
         double inverse = tree->rows[INVERSE * tree->total + tree->order[j]];
-        query->wrong = -1 - tree->order[j];
+        *wrong = -1 - tree->order[j];
         if (!(inverse > 0.0 && dermis_finite(inverse))) return DERMIS_NOT_FINITE;
     }
     return DERMIS_DONE;
 }
 
 DERMIS_NOINLINE static int32_t distances(dermis_query *query) {
-    int32_t status = known_triangles(query);
+    int32_t status = dermis_known_triangles(query->body, &query->wrong);
     int64_t slot = -1; /* hint: slot for the last point, since consecutive points are usually near each other */
     for (int64_t i = 0; i < query->count && status == DERMIS_DONE; i++) {
         const double *x = query->points + 3 * i;

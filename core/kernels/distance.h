@@ -35,6 +35,10 @@ void dermis_signed_distance(const dermis_body *body, const double *x, double lim
 /* Whether a point is so far outside the box of a solid that all its triangles are farther away than the limit [m]. */
 int dermis_beyond(const dermis_body *body, const double *x, double limit);
 
+/* Refuse triangles whose area has no finite square above zero; `wrong` is then -1 - index of the triangle. With a tree,
+   `dermis_tree_fit` has refused them already. */
+int32_t dermis_known_triangles(const dermis_body *body, int64_t *wrong);
+
 /* Whether the counts in the records of a body and its trees have possible values. */
 int dermis_sound_body(const dermis_body *body);
 

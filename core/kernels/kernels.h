@@ -110,6 +110,9 @@ typedef struct {
                              refused */
 } dermis_query;
 
+/* Status of a node. */
+enum { DERMIS_STICK = 1, DERMIS_SLIP = 2 };
+
 /* Nodes that may touch, and the contact forces f on them.
 
    The relative displacements w = C f + softness f + offset and the forces obey Coulomb's law. A node whose normal is
@@ -128,13 +131,16 @@ typedef struct {
     int64_t most;            /* largest number of sweeps */
     double *force;           /* in: initial guess; out: contact forces f (count, 3) [N] */
     double *image;           /* out: C f (count, 3) [m] */
+    double *moved;           /* out: relative displacements w (count, 3) [m] */
+    int8_t *status;          /* out: 0 open, DERMIS_STICK or DERMIS_SLIP (count) */
     int64_t given;           /* number of nodes that are swept; they must include all nodes with a force at the start */
-    const int64_t *nodes;    /* indices of these nodes (given) */
+    const int64_t *nodes;    /* indices of these nodes, in ascending order (given) */
     double *room;            /* workspace: 9 DERMIS_KEPT + 12 doubles per given node; if not all nodes are given, also
                                 14 doubles per given node and the part of C between given nodes */
     double residual;         /* out: |f - P(f - w / own)| / |f|, where own is the mean of the three diagonal compliances
                                 of a node; infinite if there is no finite result */
     int64_t sweeps;          /* out: number of sweeps done */
+    int64_t missed;          /* out: 1 if a node that is not given penetrates */
     int64_t wrong;           /* out: index of the node that was refused */
 } dermis_contact;
 
@@ -306,6 +312,93 @@ typedef struct {
     double centre[2];          /* out: centre of pressure in X and Y [m] */
     double shear[2];           /* out: force in X and Y divided by the normal force */
 } dermis_drawn;
+/* A body that a skin may touch, and the gaps of the skin's nodes to it; see `gaps.c`.
+
+   For a node beyond the radius, both gaps are infinite, body and triangle -1, and all other results are 0. */
+typedef struct {
+    const dermis_body *body;
+    const double *pose;      /* of the body, see `dermis_friction` (12 or more) */
+    const double *box;       /* lower and upper corner of the body, in its own frame (2, 3) [m] */
+    int64_t count, index;    /* nodes; index of the body */
+    double radius;           /* largest gap that is measured [m] */
+    double side;             /* factor on gap and normal: 1, or -1 if the finger is behind the faces of an open sheet */
+    double friction, softness; /* of the body */
+    const double *points;    /* undeformed nodes (count, 3) [m] */
+    const double *places;    /* expected places of the nodes (count, 3) [m] */
+    const int64_t *came;     /* body above which each node was, -1 for none (count); null: not known */
+    const double *before;    /* normals of the surfaces above which they were (count, 3) */
+    double *told;            /* out: gaps at the expected places, the same for the undeformed nodes along the normals, friction
+                                and softness (4, count), then the normals (count, 3) */
+    int64_t *which;          /* out: body and triangle (2, count), then the nodes that may have passed to the other side of
+                                the body (turned) */
+    int64_t met;             /* out: 0 if the boxes of nodes and body are farther apart than the radius; then there is no
+                                other result */
+    int64_t turned;          /* out: see `which` */
+    int64_t wrong;           /* out: index of the node that is not finite, or -1 - index of the triangle that was refused */
+} dermis_gaps;
+
+/* Numbers of a pose: rotation (3, 3); translation (3) [m]; linear map from the body's first scale and shear to the
+   present ones (3, 3), and its inverse (3, 3); 1 for a body that is out of reach, else 0; 1 for a body whose anchors are
+   on triangles that may change, so that the caller sets them, else 0. */
+enum { DERMIS_POSE = 32 };
+
+/* Friction history of a skin's nodes, and the frame that continues it; see `friction.c`. */
+typedef struct {
+    int64_t count, bodies;   /* number of nodes, and of bodies */
+    const double *poses;     /* (bodies, DERMIS_POSE) */
+    int64_t *owner;          /* history: body of each anchor, -1 for none (count) */
+    double *material;        /* anchors in the bodies' own spaces at their first scale (count, 3) [m] */
+    double *normal;          /* normals of the bodies, in their axes (count, 3) */
+    double *gap;             /* gaps above the anchors (count) [m] */
+    double *slip, *swept;    /* slip in the last frame, and what it would have been had the skin not moved (count, 3) [m] */
+    int64_t *triangle;       /* triangles of the anchors (count) */
+    int64_t *corners;        /* vertices of these, -1 on rigid bodies (count, 3) */
+    uint8_t *sticking;       /* 1 for nodes that stuck (count) */
+    double *anchors, *normals; /* positions of the anchors, NaN without, and the normals, on the bodies as they are in the
+                                  frame (count, 3) [m] */
+    const double *points;    /* undeformed nodes (count, 3) [m] */
+    const double *image;     /* positions of the deformed nodes; for `dermis_foresee` their displacement (count, 3) [m] */
+    double radius;           /* sticking nodes do not move with a body that moves farther than this [m] */
+    const double *force;     /* forces on the nodes (count, 3) [N]; null for `dermis_expect` if the skin does not drift */
+    double drift[3], passed[3]; /* movement of the loaded skin, and of what is below it if the skin had not moved [m] */
+    double *places, *origins; /* out of `dermis_expect`: expected places, and places if all had moved with their bodies
+                                 (count, 3) [m] */
+    const int64_t *below, *faces; /* closest body, -1 for none, and its triangle (count) */
+    const double *facing;    /* normals of the gaps (count, 3) */
+    const double *gaps;      /* gaps of the undeformed nodes (count) [m] */
+    const double *friction;  /* coefficients (count) */
+    const double *own, *soft; /* compliance of each node to its own force, and of the body below it (count) [m/N] */
+    const uint8_t *loaded;   /* 1 for nodes with a force at the begin of the frame (count) */
+    double share;            /* share of the shifts that is applied */
+    double *offset;          /* relative displacement without force (count, 3) [m] */
+    double *sweeping;        /* out of `dermis_foresee`: `swept` of this frame (count, 3) [m] */
+    int64_t shifted, entered; /* nodes whose slip is shifted, and nodes that came into contact */
+    int64_t *nodes;          /* the former (shifted) */
+    double *shift;           /* shifts of their slip (shifted, 3) [m] */
+    const int64_t *entering; /* the latter (entered) */
+    const double *crossing;  /* shifts of these (entered, 3) [m] */
+    const double *moved;     /* relative displacement of the nodes; for `dermis_drift` their movement (count, 3) [m] */
+    const int8_t *status;    /* 0 open, DERMIS_STICK or DERMIS_SLIP (count) */
+    double *positions;       /* out of `dermis_keep`: positions on the bodies' surfaces (count, 3) [m] */
+    uint8_t *renewed;        /* out: 1 for nodes whose anchors moved there (count) */
+    int64_t slides;          /* out: 1 if the frame is not at rest */
+} dermis_friction;
+
+/* One frame of contact, and its sums; see `sums.c`. */
+typedef struct {
+    int64_t count;           /* number of nodes */
+    int64_t from_rest;       /* 1: the frame has no history */
+    const double *points;    /* undeformed nodes (count, 3) [m] */
+    const double *force, *normals; /* forces [N] and contact normals (count, 3) */
+    const double *displacement; /* relative displacement of the nodes (count, 3) [m] */
+    const double *image;     /* displacement of the nodes (count, 3) [m] */
+    const double *gaps;      /* gaps of the undeformed nodes (count) [m]; null: nothing is near */
+    const int8_t *status;    /* 0 open, DERMIS_STICK or DERMIS_SLIP (count) */
+    double bone[3];          /* a point inside the finger [m] */
+    double normal, tangential; /* out: sum of the normal forces, and size of the sum of the tangential ones [N] */
+    double depth, slide;     /* out: penetration, and tangential displacement of the loaded skin [m] */
+    int64_t sticking, slipping; /* out: numbers of nodes */
+} dermis_sums;
 
 /* Sort the triangles of a tree, `order`, into slots, so that neighbours share leaves. */
 DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
@@ -344,6 +437,26 @@ DERMIS_API int32_t dermis_number_points(dermis_points *points);
 
 /* Compute the drawing of a touched skin. */
 DERMIS_API int32_t dermis_draw_skin(dermis_drawn *drawn);
+/* Measure the gaps of nodes to a body that `dermis_body_fit` has checked. */
+DERMIS_API int32_t dermis_node_gaps(dermis_gaps *gaps);
+
+/* Compute the anchors in a frame, and the places where the nodes are expected. */
+DERMIS_API int32_t dermis_expect(dermis_friction *friction);
+
+/* Compute the relative displacement without force, from the anchors and the gaps. */
+DERMIS_API int32_t dermis_offset(dermis_friction *friction);
+
+/* Shift the slip of nodes whose slip is expected to change its direction. */
+DERMIS_API int32_t dermis_foresee(dermis_friction *friction);
+
+/* Update the history to the end of a frame. */
+DERMIS_API int32_t dermis_keep(dermis_friction *friction);
+
+/* Compute the drift of the skin in a frame. */
+DERMIS_API int32_t dermis_drift(dermis_friction *friction);
+
+/* Sum up a frame of contact. */
+DERMIS_API int32_t dermis_sum(dermis_sums *sums);
 
 /* Return 1 if this processor and its operating system support AVX2, else 0. */
 DERMIS_API int32_t dermis_has_avx2(void);

@@ -4,6 +4,7 @@
 #include "closest.h"
 #include "distance.h"
 #include "numbers.h"
+#include "poses.h"
 
 /* OPPOSITE: a normal belongs to the far side of a thin body if its component into the finger is below this.
    ABOVE: the near side is then searched from a point this much deeper in the finger [m]. */
@@ -13,9 +14,8 @@
 /* Convert a point from the frame of the skin to that of a body. */
 static void localised(const dermis_posed *posed, const double *x, double *local) {
     double from[3];
-    const double *r = posed->rotation;
     for (int k = 0; k < 3; k++) from[k] = x[k] - posed->translation[k];
-    for (int k = 0; k < 3; k++) local[k] = r[k] * from[0] + r[3 + k] * from[1] + r[6 + k] * from[2];
+    dermis_turned_back(posed->rotation, from, local);
 }
 
 /* Measure the signed distance of a point to one body; return the closest triangle, 0 for a plane, -1 beyond the limit.
@@ -23,7 +23,6 @@ static void localised(const dermis_posed *posed, const double *x, double *local)
    slot: in, a hint or -1; out, see `dermis_distance`. gap: out [m]. normal: out, in the frame of the skin (3). */
 static int64_t measure(const dermis_posed *posed, const double *x, double limit, int64_t *slot, double *gap, double *normal) {
     double local[3], turned[3];
-    const double *r = posed->rotation;
     int64_t triangle = 0;
     localised(posed, x, local);
     if (posed->body == NULL) {
@@ -37,7 +36,7 @@ static int64_t measure(const dermis_posed *posed, const double *x, double limit,
         *gap = posed->side * found.gap, *slot = found.slot, triangle = found.triangle;
         for (int k = 0; k < 3; k++) turned[k] = posed->side * found.normal[k];
     }
-    for (int k = 0; k < 3; k++) normal[k] = r[3 * k] * turned[0] + r[3 * k + 1] * turned[1] + r[3 * k + 2] * turned[2];
+    dermis_turned(posed->rotation, turned, normal);
     return triangle;
 }
 
@@ -76,9 +75,7 @@ int dermis_sees_plane(const dermis_posed *posed, int64_t bodies, const double *x
             if (b != sight->body && dermis_dot(local, one->plane) - one->plane[3] <= radius) return 0;
             continue;
         }
-        const double *r = one->rotation;
-        for (int k = 0; k < 3 && b == sight->body; k++)
-            plane[k] = r[k] * sight->normal[0] + r[3 + k] * sight->normal[1] + r[6 + k] * sight->normal[2];
+        if (b == sight->body) dermis_turned_back(one->rotation, sight->normal, plane);
         plane[3] = dermis_dot(local, plane) - sight->gap;
         for (const dermis_body *body = one->body; body != NULL; body = body->next)
             if (!body->closed || body->by_rays || !(dermis_beyond(body, local, radius) || dermis_only_plane(body->tree, local, radius, plane))) return 0;

@@ -17,8 +17,10 @@ ROW, LANES, BOXES = (
     4,
     64,
 )  # doubles per triangle in a tree; boxes or elements that are processed at once; floats for that many boxes
+POSE = 32  # numbers of a pose, see `dermis_friction`
 KEPT = 3  # largest number of earlier pairs of sweeps from which `dermis_sweep` extrapolates
 DONE, BAD_RECORD, NOT_FINITE = 0, 1, 2
+_data: Any = (ctypes.c_char * 0).from_buffer  # a fifth of the time of NumPy's `__array_interface__`
 
 
 def address(array: NDArray[Any]) -> int:
@@ -26,7 +28,10 @@ def address(array: NDArray[Any]) -> int:
 
     The array must exist as long as a record points to it.
     """
-    return int(array.__array_interface__["data"][0])
+    try:
+        return ctypes.addressof(_data(array))
+    except TypeError:  # it is read-only
+        return int(array.__array_interface__["data"][0])
 
 
 class TreeRecord(ctypes.Structure):
@@ -109,11 +114,14 @@ class ContactRecord(ctypes.Structure):
         ("most", ctypes.c_int64),
         ("force", ctypes.c_void_p),
         ("image", ctypes.c_void_p),
+        ("moved", ctypes.c_void_p),
+        ("status", ctypes.c_void_p),
         ("given", ctypes.c_int64),
         ("nodes", ctypes.c_void_p),
         ("room", ctypes.c_void_p),
         ("residual", ctypes.c_double),
         ("sweeps", ctypes.c_int64),
+        ("missed", ctypes.c_int64),
         ("wrong", ctypes.c_int64),
     ]
 
@@ -321,6 +329,105 @@ class DrawnRecord(ctypes.Structure):
     ]
 
 
+class GapsRecord(ctypes.Structure):
+    """`dermis_gaps`."""
+
+    _fields_ = [
+        ("body", ctypes.c_void_p),
+        ("pose", ctypes.c_void_p),
+        ("box", ctypes.c_void_p),
+        ("count", ctypes.c_int64),
+        ("index", ctypes.c_int64),
+        ("radius", ctypes.c_double),
+        ("side", ctypes.c_double),
+        ("friction", ctypes.c_double),
+        ("softness", ctypes.c_double),
+        ("points", ctypes.c_void_p),
+        ("places", ctypes.c_void_p),
+        ("came", ctypes.c_void_p),
+        ("before", ctypes.c_void_p),
+        ("told", ctypes.c_void_p),
+        ("which", ctypes.c_void_p),
+        ("met", ctypes.c_int64),
+        ("turned", ctypes.c_int64),
+        ("wrong", ctypes.c_int64),
+    ]
+
+
+class FrictionRecord(ctypes.Structure):
+    """`dermis_friction`."""
+
+    _fields_ = [
+        ("count", ctypes.c_int64),
+        ("bodies", ctypes.c_int64),
+        ("poses", ctypes.c_void_p),
+        ("owner", ctypes.c_void_p),
+        ("material", ctypes.c_void_p),
+        ("normal", ctypes.c_void_p),
+        ("gap", ctypes.c_void_p),
+        ("slip", ctypes.c_void_p),
+        ("swept", ctypes.c_void_p),
+        ("triangle", ctypes.c_void_p),
+        ("corners", ctypes.c_void_p),
+        ("sticking", ctypes.c_void_p),
+        ("anchors", ctypes.c_void_p),
+        ("normals", ctypes.c_void_p),
+        ("points", ctypes.c_void_p),
+        ("image", ctypes.c_void_p),
+        ("radius", ctypes.c_double),
+        ("force", ctypes.c_void_p),
+        ("drift", ctypes.c_double * 3),
+        ("passed", ctypes.c_double * 3),
+        ("places", ctypes.c_void_p),
+        ("origins", ctypes.c_void_p),
+        ("below", ctypes.c_void_p),
+        ("faces", ctypes.c_void_p),
+        ("facing", ctypes.c_void_p),
+        ("gaps", ctypes.c_void_p),
+        ("friction", ctypes.c_void_p),
+        ("own", ctypes.c_void_p),
+        ("soft", ctypes.c_void_p),
+        ("loaded", ctypes.c_void_p),
+        ("share", ctypes.c_double),
+        ("offset", ctypes.c_void_p),
+        ("sweeping", ctypes.c_void_p),
+        ("shifted", ctypes.c_int64),
+        ("entered", ctypes.c_int64),
+        ("nodes", ctypes.c_void_p),
+        ("shift", ctypes.c_void_p),
+        ("entering", ctypes.c_void_p),
+        ("crossing", ctypes.c_void_p),
+        ("moved", ctypes.c_void_p),
+        ("status", ctypes.c_void_p),
+        ("positions", ctypes.c_void_p),
+        ("renewed", ctypes.c_void_p),
+        ("slides", ctypes.c_int64),
+    ]
+
+
+class SumsRecord(ctypes.Structure):
+    """`dermis_sums`."""
+
+    _fields_ = [
+        ("count", ctypes.c_int64),
+        ("from_rest", ctypes.c_int64),
+        ("points", ctypes.c_void_p),
+        ("force", ctypes.c_void_p),
+        ("normals", ctypes.c_void_p),
+        ("displacement", ctypes.c_void_p),
+        ("image", ctypes.c_void_p),
+        ("gaps", ctypes.c_void_p),
+        ("status", ctypes.c_void_p),
+        ("bone", ctypes.c_double * 3),
+        ("normal", ctypes.c_double),
+        ("tangential", ctypes.c_double),
+        ("depth", ctypes.c_double),
+        ("slide", ctypes.c_double),
+        ("sticking", ctypes.c_int64),
+        ("slipping", ctypes.c_int64),
+    ]
+
+
 # The records and their names in C, in the order of the layout.
 RECORDS: tuple[tuple[str, type[ctypes.Structure]], ...] = (
     ("tree", TreeRecord),
@@ -335,6 +442,9 @@ RECORDS: tuple[tuple[str, type[ctypes.Structure]], ...] = (
     ("pieces", PiecesRecord),
     ("points", PointsRecord),
     ("drawn", DrawnRecord),
+    ("gaps", GapsRecord),
+    ("friction", FrictionRecord),
+    ("sums", SumsRecord),
 )
 
 

@@ -27,8 +27,9 @@
     FIELD(dermis_contact, compliance) FIELD(dermis_contact, offset) FIELD(dermis_contact, normals)           \
     FIELD(dermis_contact, friction) FIELD(dermis_contact, softness) FIELD(dermis_contact, tolerance)         \
     FIELD(dermis_contact, most) FIELD(dermis_contact, force) FIELD(dermis_contact, image)                    \
+    FIELD(dermis_contact, moved) FIELD(dermis_contact, status) \
     FIELD(dermis_contact, given) FIELD(dermis_contact, nodes) FIELD(dermis_contact, room)                    \
-    FIELD(dermis_contact, residual) FIELD(dermis_contact, sweeps)                \
+    FIELD(dermis_contact, residual) FIELD(dermis_contact, sweeps) FIELD(dermis_contact, missed) \
     FIELD(dermis_contact, wrong)
 #define POSED(FIELD) \
     FIELD(dermis_posed, body) FIELD(dermis_posed, plane) FIELD(dermis_posed, rotation) \
@@ -84,6 +85,35 @@
     FIELD(dermis_drawn, positions) FIELD(dermis_drawn, normals) FIELD(dermis_drawn, shown) \
     FIELD(dermis_drawn, low) FIELD(dermis_drawn, high) FIELD(dermis_drawn, centre) \
     FIELD(dermis_drawn, shear)
+#define GAPS(FIELD) \
+    FIELD(dermis_gaps, body) FIELD(dermis_gaps, pose) FIELD(dermis_gaps, box) FIELD(dermis_gaps, count) \
+    FIELD(dermis_gaps, index) FIELD(dermis_gaps, radius) FIELD(dermis_gaps, side) \
+    FIELD(dermis_gaps, friction) FIELD(dermis_gaps, softness) FIELD(dermis_gaps, points) \
+    FIELD(dermis_gaps, places) FIELD(dermis_gaps, came) FIELD(dermis_gaps, before) \
+    FIELD(dermis_gaps, told) FIELD(dermis_gaps, which) FIELD(dermis_gaps, met) FIELD(dermis_gaps, turned) \
+    FIELD(dermis_gaps, wrong)
+#define FRICTION(FIELD) \
+    FIELD(dermis_friction, count) FIELD(dermis_friction, bodies) FIELD(dermis_friction, poses) \
+    FIELD(dermis_friction, owner) FIELD(dermis_friction, material) FIELD(dermis_friction, normal) \
+    FIELD(dermis_friction, gap) FIELD(dermis_friction, slip) FIELD(dermis_friction, swept) \
+    FIELD(dermis_friction, triangle) FIELD(dermis_friction, corners) FIELD(dermis_friction, sticking) \
+    FIELD(dermis_friction, anchors) FIELD(dermis_friction, normals) FIELD(dermis_friction, points) \
+    FIELD(dermis_friction, image) FIELD(dermis_friction, radius) FIELD(dermis_friction, force) \
+    FIELD(dermis_friction, drift) FIELD(dermis_friction, passed) FIELD(dermis_friction, places) \
+    FIELD(dermis_friction, origins) FIELD(dermis_friction, below) FIELD(dermis_friction, faces) \
+    FIELD(dermis_friction, facing) FIELD(dermis_friction, gaps) FIELD(dermis_friction, friction) \
+    FIELD(dermis_friction, own) FIELD(dermis_friction, soft) FIELD(dermis_friction, loaded) \
+    FIELD(dermis_friction, share) FIELD(dermis_friction, offset) FIELD(dermis_friction, sweeping) \
+    FIELD(dermis_friction, shifted) FIELD(dermis_friction, entered) FIELD(dermis_friction, nodes) \
+    FIELD(dermis_friction, shift) FIELD(dermis_friction, entering) FIELD(dermis_friction, crossing) \
+    FIELD(dermis_friction, moved) FIELD(dermis_friction, status) FIELD(dermis_friction, positions) \
+    FIELD(dermis_friction, renewed) FIELD(dermis_friction, slides)
+#define SUMS(FIELD) \
+    FIELD(dermis_sums, count) FIELD(dermis_sums, from_rest) FIELD(dermis_sums, points) FIELD(dermis_sums, force) \
+    FIELD(dermis_sums, normals) FIELD(dermis_sums, displacement) FIELD(dermis_sums, image) \
+    FIELD(dermis_sums, gaps) FIELD(dermis_sums, status) FIELD(dermis_sums, bone) FIELD(dermis_sums, normal) \
+    FIELD(dermis_sums, tangential) FIELD(dermis_sums, depth) FIELD(dermis_sums, slide) \
+    FIELD(dermis_sums, sticking) FIELD(dermis_sums, slipping)
 #define OFFSET(record, field) offsetof(record, field),
 #define NAME(record, field) " " #field
 
@@ -95,6 +125,7 @@ DERMIS_API const uint64_t *dermis_layout(void) {
         sizeof(dermis_law),   LAW(OFFSET)    sizeof(dermis_rest),    REST(OFFSET)
         sizeof(dermis_patches), PATCHES(OFFSET) sizeof(dermis_pieces), PIECES(OFFSET) sizeof(dermis_points), POINTS(OFFSET)
         sizeof(dermis_drawn), DRAWN(OFFSET)
+        sizeof(dermis_gaps), GAPS(OFFSET) sizeof(dermis_friction), FRICTION(OFFSET) sizeof(dermis_sums), SUMS(OFFSET)
         UINT64_MAX,
     };
     return layout;
@@ -103,7 +134,7 @@ DERMIS_API const uint64_t *dermis_layout(void) {
 DERMIS_API const char *dermis_fields(void) {
     return "tree" TREE(NAME) " body" BODY(NAME) " query" QUERY(NAME) " contact" CONTACT(NAME) " posed" POSED(NAME)
            " survey" SURVEY(NAME) " law" LAW(NAME) " rest" REST(NAME) " patches" PATCHES(NAME) " pieces" PIECES(NAME)
-           " points" POINTS(NAME) " drawn" DRAWN(NAME);
+           " points" POINTS(NAME) " drawn" DRAWN(NAME) " gaps" GAPS(NAME) " friction" FRICTION(NAME) " sums" SUMS(NAME);
 }
 
 #if defined(__x86_64__)

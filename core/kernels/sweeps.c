@@ -19,6 +19,8 @@
 #define ALONE 100
 /* If the squared change of the forces grew by more than this factor, the earlier pairs of sweeps are discarded. */
 #define ASTRAY 4.0
+/* A force counts as on the surface of its cone above this share of the friction limit. */
+#define ON_CONE (1.0 - 1e-9)
 
 /* A compliance in single or double precision; the other pointer is null. */
 typedef struct {
@@ -327,6 +329,26 @@ static void sweep_given(dermis_contact *contact, const rows_of *c) {
     contact->residual = dermis_finite(part.residual) ? residual_of(contact, c) : part.residual;
 }
 
+/* Compute the relative displacements, and the status of each node; a node whose force is on the surface of its cone
+   slips. */
+static void assess(dermis_contact *contact) {
+    contact->missed = 0;
+    for (int64_t i = 0, next = 0; i < contact->count; i++) {
+        const double *force = contact->force + 3 * i, *normal = contact->normals + 3 * i;
+        double *w = contact->moved + 3 * i, press = dermis_dot(force, normal), side[3];
+        for (int k = 0; k < 3; k++) {
+            w[k] = contact->image[3 * i + k] + contact->softness[i] * force[k] + contact->offset[3 * i + k];
+            side[k] = force[k] - press * normal[k];
+        }
+        int on_cone = dermis_root(dermis_dot(side, side)) >= contact->friction[i] * press * ON_CONE;
+        contact->status[i] = (int8_t)(press > 0.0 ? (on_cone ? DERMIS_SLIP : DERMIS_STICK) : 0);
+        if (next < contact->given && contact->nodes[next] == i)
+            next++;
+        else if (dermis_dot(w, normal) < 0.0)
+            contact->missed = 1;
+    }
+}
+
 DERMIS_NOINLINE static int32_t sweep(dermis_contact *contact) {
     if (!known(contact)) return DERMIS_NOT_FINITE;
     for (int64_t i = 0; i < contact->given; i++)
@@ -336,6 +358,7 @@ DERMIS_NOINLINE static int32_t sweep(dermis_contact *contact) {
         sweep_all(contact, &c, contact->room);
     else
         sweep_given(contact, &c);
+    assess(contact);
     return DERMIS_DONE;
 }
 

@@ -86,7 +86,7 @@ def error_band(tissue: str, depth: float, slide: float = 0.0) -> ErrorBand:
     Args:
         tissue: 'linear' or 'neo_hookean'.
         depth: depth of the undeformed skin inside the object [m].
-        slide: mean tangential displacement of the loaded skin by friction, weighted by load, see `PathStep.slide` [m].
+        slide: mean tangential displacement of the loaded skin by friction, weighted by load, see `PathStep.sums` [m].
             Slip does not add to it.
 
     Raises:

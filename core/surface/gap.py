@@ -333,15 +333,24 @@ class Surface:
 
     def _measurer(self, count: int) -> KernelBody | PlainTriangles:
         """Return the object that measures the gaps of `count` more points."""
-        if not have_kernels():
-            return PlainTriangles(self.table, self.topology, self.vertices[self.triangles])
+        if have_kernels():
+            return self.kernel_body_for(count)
+        return PlainTriangles(self.table, self.topology, self.vertices[self.triangles])
+
+    def kernel_body_for(self, count: int) -> KernelBody:
+        """Return the surface as a record for the kernels, which measure `count` more points."""
         self._asked += count
-        if self._asked <= FEW and "_body" not in self.__dict__ and not self.solids:
+        if self._asked <= FEW and not self.built and not self.solids:
             return self._kernel_body(TriangleTree(self.table, None), self._slabs)
         body = self._body
         if body.by_rays and not self.solids and self._asked > PAYS * len(self.triangles):
             body.by_rays = self.tangled
         return body
+
+    @property
+    def built(self) -> bool:
+        """Whether the search tree has been built."""
+        return "_body" in self.__dict__
 
     @property
     def kernel_body(self) -> KernelBody:

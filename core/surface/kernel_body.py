@@ -106,8 +106,19 @@ class KernelBody:
         triangle, feature, beside = np.empty(n, np.int64), np.empty(n, np.int8), np.empty(n, np.bool_)
         out = [address(array) for array in (points, gap, normal, point, weights, triangle, feature, beside)]
         query = records.QueryRecord(addressof(self.record), n, limit, *out)
-        status = self._kernels.distances(byref(query))
-        if status == records.NOT_FINITE and query.wrong >= 0:
-            raise DermisError("points to measure from are not finite numbers", value=points[query.wrong].tolist())
-        self._tree.done(status, -1 - query.wrong)
+        self.done(self._kernels.distances(byref(query)), query.wrong, points)
         return GapQuery(gap, normal, point, triangle, weights, beside)
+
+    def done(self, status: int, wrong: int, points: Array) -> None:
+        """Raise an error unless a kernel that measured points [m], shape (n, 3), has done so.
+
+        Args:
+            status: its status.
+            wrong: index of a point, or -1 - index of a triangle, that it refused.
+
+        Raises:
+            DermisError: a point is not finite, or a record is damaged.
+        """
+        if status == records.NOT_FINITE and wrong >= 0:
+            raise DermisError("points to measure from are not finite numbers", value=points[wrong].tolist())
+        self._tree.done(status, -1 - wrong)

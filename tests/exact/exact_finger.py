@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from core.arrays import Array
 from core.contact.solver.bodies import BONE, ContactBody, NodeGaps, node_gaps
-from core.contact.solver.cone import STICK, along, natural_residual
+from core.contact.solver.cone import natural_residual
 from core.contact.solver.history import ContactHistory
 from core.contact.solver.solve import solve
 from core.skin.assembly import degrees
@@ -148,10 +148,9 @@ class ExactFinger:
         near = np.flatnonzero(gaps.body >= 0)
         displacement, force, status, residual, steps = self._balanced(gaps, offset, near)
         relative = displacement[pad] + offset
-        gap = along(relative, gaps.normal)
-        sticking = np.zeros(skin.pad_count, bool)
-        sticking[near] = status == STICK
-        self.history.keep(gaps, sticking, points + displacement[pad] - gap[:, None] * gaps.normal, gap)
+        found, none = np.zeros(skin.pad_count, np.int8), np.zeros((skin.pad_count, 3))
+        found[near] = status
+        self.history.keep(gaps, found, none, relative, points + displacement[pad], none[:, 0])
         self.displacement, self.force = displacement, force
         return Held(displacement, force, gaps, offset, residual, steps)
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from ctypes import addressof, byref
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import zip_longest
 from math import isfinite
 
@@ -12,11 +14,14 @@ from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
 from ...errors import DermisError
+from ...kernels import records
+from ...kernels.library import kernels
+from ...kernels.records import address
 from ...parameters.material import FRICTION
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .cone import along
-from .sides import dot, keep_sides
+from .sides import dot, passed_through
 
 # A node changes to another body only if that is nearer by more than this [m]. Between two bodies at the same height,
 # rounding then does not decide.
@@ -24,8 +29,9 @@ TIE = 1e-6
 # A point inside a finger [m]. An open surface is touched on the side of this point.
 BONE = np.array([0.0, 0.0, 0.006])
 
-# Clearance, normal, body, triangle, friction and softness of each node, as in `NodeGaps`.
-_PerNode = tuple[Array, Array, Indices, Indices, Array, Array]
+# Gap, clearance, normal, body, triangle, friction and softness of each node, as in `NodeGaps`.
+_PerNode = tuple[Array, Array, Array, Indices, Indices, Array, Array]
+_UNSTRETCHED = np.concatenate([np.eye(3).reshape(-1), np.eye(3).reshape(-1)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +65,15 @@ class ContactBody:
     def __post_init__(self) -> None:
         if not isfinite(np.vdot(self.rotation, self.rotation) + np.vdot(self.translation, self.translation)):
             raise DermisError("the pose of a body is not finite", value=self.translation)
+
+    @cached_property
+    def pose(self) -> Array:
+        """The pose as kernels take it, see `dermis_friction`, shape (32,); the last number is 0."""
+        row = np.zeros(records.POSE)
+        row[:9], row[9:12], row[12:30], row[30] = self.rotation.reshape(-1), self.translation, _UNSTRETCHED, self.away
+        if self.carry is not None:
+            row[12:21], row[21:30] = self.carry.reshape(-1), np.linalg.inv(self.carry).reshape(-1)
+        return row
 
     def local(self, *points: Array) -> tuple[Array, ...]:
         """Transform points [m], shape (..., 3) each, from the finger's frame to the surface's space."""
@@ -105,7 +120,7 @@ class NodeGaps:
     @classmethod
     def nothing(cls, bodies: tuple[ContactBody, ...], count: int) -> NodeGaps:
         """Return the gaps of `count` nodes that are beyond reach of all bodies."""
-        far, none, zero = np.full(count, np.inf), np.full(count, -1), np.zeros(count)
+        far, none, zero = np.full(count, np.inf), np.full(count, -1, dtype=np.int64), np.zeros(count)
         return cls(bodies, far, far.copy(), np.zeros((count, 3)), none, none.copy(), zero, zero.copy())
 
     def compliance(self, areas: Array | None, where: str) -> Array:
@@ -185,40 +200,87 @@ def node_gaps(
         bone: a point inside the finger [m], shape (3,); an open surface is touched on the side of this point.
         expected: expected positions of the deformed nodes; None for the undeformed nodes.
     """
-    places, m = points if expected is None else expected.places, len(points)
-    found: _PerNode | None = None
+    places = np.ascontiguousarray(points if expected is None else expected.places)
+    points, found = np.ascontiguousarray(points), None
     for index, body in enumerate(bodies):
         if body.away:
             continue
-        local = (places - body.translation) @ body.rotation
-        if isinstance(body.surface, Surface) and not boxes_meet(local, body.surface.box, search_radius):
-            continue
-        answer, side = body.surface.query(local, search_radius), 1
-        if isinstance(body.surface, Surface):
-            if not body.surface.closed and body.surface.side_of(*body.local(bone)) < 0:
-                answer, side = answer.flipped(), -1
-            if expected is not None:
-                own = (expected.body == index).nonzero()[0]
-                origins, before = body.local(expected.origins)[0], expected.normal @ body.rotation
-                keep_sides(answer, body.surface.table, side, local, own, origins, before)
-        near = answer.triangle >= 0
-        owner: Indices = np.where(near, index, -1)
-        friction, softness = (np.where(near, value, 0.0) for value in (body.friction, body.softness))
-        told = answer.gap, answer.normal @ body.rotation.T, owner, answer.triangle, friction, softness
-        if found is None:
-            found = told
+        surface = body.surface
+        if isinstance(surface, Surface) and surface.table.usable.any():
+            told = _gaps_to(body, surface, index, points, search_radius, bone, places, expected)
+        else:
+            told = _asked_gaps(body, index, points, search_radius, places)
+        if found is None or told is None:
+            found = told if found is None else found
             continue
         lead = 0.0
         if expected is not None:
-            lead = TIE * np.subtract(expected.body == index, expected.body == found[2], dtype=np.float64)
-        closer = (near & (answer.gap < found[0] + lead)).nonzero()[0]
+            lead = TIE * np.subtract(expected.body == index, expected.body == found[3], dtype=np.float64)
+        closer = ((told[3] >= 0) & (told[1] < found[1] + lead)).nonzero()[0]
         for ours, others in zip(found, told, strict=True):
             ours[closer] = others[closer]
-    if found is None:
-        return NodeGaps.nothing(tuple(bodies), m)
-    clearance, normal = found[:2]  # beyond reach the normal is zero
-    gap = clearance.copy() if expected is None else clearance - dot(places - points, normal)
-    return NodeGaps(tuple(bodies), gap, *found)
+    return NodeGaps.nothing(tuple(bodies), len(points)) if found is None else NodeGaps(tuple(bodies), *found)
+
+
+def _gaps_to(
+    body: ContactBody,
+    surface: Surface,
+    index: int,
+    points: Array,
+    search_radius: float,
+    bone: Array,
+    places: Array,
+    expected: Expected | None,
+) -> _PerNode | None:
+    """Measure the gaps of nodes to a body of triangles; None if none is within reach."""
+    m, side = len(points), 1
+    # The kernel compares the boxes too, but for a body far away no tree is built and no side is determined.
+    if not (surface.closed and surface.built) and not boxes_meet(body.local(places)[0], surface.box, search_radius):
+        return None
+    if not surface.closed and surface.side_of(*body.local(bone)) < 0:
+        side = -1
+    kernel, told, which = surface.kernel_body_for(m), np.empty((7, m)), np.empty((3, m), dtype=np.int64)
+    came, before = (None, None) if expected is None else (expected.body, np.ascontiguousarray(expected.normal))
+    record = records.GapsRecord(
+        addressof(kernel.record),
+        address(body.pose),
+        address(surface.box),
+        m,
+        index,
+        search_radius,
+        side,
+        body.friction,
+        body.softness,
+        address(points),
+        address(places),
+        None if came is None else address(came),
+        None if before is None else address(before),
+        address(told),
+        address(which),
+    )
+    kernel.done(kernels().gaps(byref(record)), record.wrong, places)
+    if not record.met:
+        return None
+    (clearance, gap, friction, softness), normal = told[:4], told[4:].reshape(m, 3)
+    if record.turned:
+        assert expected is not None
+        some = which[2, : record.turned]
+        here, origins = body.local(places[some], expected.origins[some])
+        start = expected.normal[some] @ body.rotation
+        through, at, faces, out = passed_through(surface.table, side, here, origins, start)
+        nodes, normal[some[through]] = some[through], out @ body.rotation.T
+        clearance[nodes], which[1, nodes] = dot(here[through] - at, out), faces
+        gap[nodes] = clearance[nodes] - dot(places[nodes] - points[nodes], normal[nodes])
+    return gap, clearance, normal, which[0], which[1], friction, softness
+
+
+def _asked_gaps(body: ContactBody, index: int, points: Array, search_radius: float, places: Array) -> _PerNode:
+    """Measure the gaps of nodes to a body whose surface is no mesh, such as a plane."""
+    answer = body.surface.query((places - body.translation) @ body.rotation, search_radius)
+    near, normal = answer.triangle >= 0, answer.normal @ body.rotation.T
+    friction, softness = (np.where(near, value, 0.0) for value in (body.friction, body.softness))
+    gap = answer.gap - dot(places - points, normal)  # beyond reach the normal is zero
+    return gap, answer.gap, normal, np.where(near, index, -1).astype(np.int64), answer.triangle, friction, softness
 
 
 def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices, positions: Array) -> Array:

@@ -5,54 +5,30 @@ The formulas are in `within_frame.py`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array
-from .bodies import ContactBody, NodeGaps
-from .cone import OPEN, STICK, along
+from ...kernels.library import kernels
+from ...kernels.records import address
+from .bodies import NodeGaps
 from .history import ContactHistory
 from .solve import Solution
-from .within_frame import NONE, STILL, Drift, WithinFrame, changing, crossed, entered
-
-# Slip in a frame below this length counts as rest [m]. The same pose then need not be solved again.
-AT_REST = 1e-9
+from .within_frame import NONE, STILL, Drift, Shifts, changing, crossed, entered
 
 
-@dataclass(frozen=True, eq=False)
-class Rubbing:
+class Rubbing(NamedTuple):
     """Friction state that one frame leaves to the next.
 
     Attributes:
-        drift: movement of the loaded skin along the surface.
+        drift: movement of the loaded skin along the surface; `STILL` if it is not to be extrapolated.
         changing: share of the shifts that the next frame applies, 0 to 1.
     """
 
     drift: Drift
     changing: float
-
-    def ahead(
-        self, bodies: Sequence[ContactBody], history: ContactHistory, force: Array, loaded: NDArray[np.bool_]
-    ) -> Callable[[Array], Array] | None:
-        """Return a function from the anchors' displacement to the expected displacement of slipping skin.
-
-        Args:
-            bodies: bodies in the next frame.
-            history: friction history of the last frame.
-            force: forces of the last frame [N], shape (m, 3).
-            loaded: nodes that carried force in the last frame, shape (m,).
-        """
-        at, drift, owner = loaded.nonzero()[0], self.drift, history.body
-        owners = owner.take(at)
-        at = at[owners >= 0]
-        if drift is STILL or not at.size or any(bodies[k].away for k in set(owners.tolist()) - {-1}):
-            return None
-        some = force.take(at, axis=0)
-        load = np.sqrt(along(some, some))
-        return lambda moved: drift.next(-(load @ moved.take(at, axis=0)) / load.sum())
 
 
 UNMOVED = Rubbing(STILL, 0.0)
@@ -81,7 +57,9 @@ class FrameFriction:
     ) -> None:
         self.gaps = gaps
         self._history, self._loaded, self._matrix, self._own, self._soft = history, loaded, matrix, own, soft
-        self._way: WithinFrame | None = None
+        self._rubs = bool(gaps.friction.any())
+        self._sweeping: Array | None = None  # movement of loaded nodes over the bodies if the skin had not moved
+        self._passed = STILL.passed
         self._shifts = self._crossed = NONE
 
     def foresee(self, force: Array, b: Array, image: Array, share: float) -> None:
@@ -93,14 +71,24 @@ class FrameFriction:
             b: offset of this frame [m], shape (m, 3); it is changed in place.
             share: share of the shifts that is applied, see `Rubbing.changing`.
         """
-        if share > 0.0 and self.gaps.friction.any():
-            self._way = way = WithinFrame(self.gaps, self._history, force, self._loaded, b + image)
-            self._shifts = way.expected(self._own[way.nodes], share)
-            b[self._shifts.nodes] += self._shifts.shift
+        if share <= 0.0 or not self._rubs:
+            return
+        record, m = self._history.record, len(b)
+        self._sweeping, shift, nodes = np.empty((m, 3)), np.empty((m, 3)), np.empty(m, dtype=np.int64)
+        gaps = self.gaps
+        given = gaps.body, gaps.normal, gaps.friction, self._loaded, self._own, force, image
+        record.below, record.facing, record.friction, record.loaded, record.own, record.force, record.image = map(
+            address, map(np.ascontiguousarray, given)
+        )
+        record.share, record.offset, record.sweeping = share, address(b), address(self._sweeping)
+        record.nodes, record.shift = address(nodes), address(shift)
+        self._history.call(kernels().foresee)
+        self._passed = np.array(record.passed)
+        self._shifts = Shifts(nodes[: record.shifted], shift[: record.shifted])
 
     def notice(self, solution: Solution) -> None:
         """Compute the shifts of nodes that came into contact; they are applied in the next frame."""
-        if not self.gaps.friction.any():
+        if not self._rubs:
             return
         new = entered(solution, self.gaps, self._history, self._loaded)
         if new.size:
@@ -116,33 +104,26 @@ class FrameFriction:
             before: forces at its begin [N], shape (m, 3).
             moved: movement of the nodes in this frame [m], shape (m, 3).
         """
-        drift = STILL if self._way is None else Drift.of(self.gaps, solution.force, moved, self._way.passed)
-        change, size = solution.force - before, float(np.vdot(solution.force, solution.force))
+        force, drift, history = solution.force, STILL, self._history
+        if self._sweeping is not None:
+            record, moved = history.record, np.ascontiguousarray(moved)
+            record.force, record.facing, record.moved = address(force), address(self.gaps.normal), address(moved)
+            history.call(kernels().drift)
+            drift = Drift(np.array(record.drift), self._passed)
+        change, size = force - before, float(np.vdot(force, force))
         return Rubbing(drift, changing(float(np.vdot(change, change)), size))
 
     def keep(self, solution: Solution, points: Array, image: Array) -> bool:
         """Update the history to the end of the frame, and return whether it is not at rest.
 
-        A frame is at rest if no node came into contact and no slip exceeds `AT_REST`.
+        A frame is at rest if no node came into contact and no slip exceeds a nanometre.
 
         Args:
             solution: solution of this frame.
             points, image: undeformed nodes and their displacement [m], shape (m, 3) each.
         """
-        w, normal, history = solution.displacement, self.gaps.normal, self._history
-        gap = along(w, normal)
-        sticking = solution.status == STICK
-        # Positions on the body's surface; their tangential part is exactly the slip of the solution.
-        positions = points + image + self._soft[:, None] * solution.force - gap[:, None] * normal
-        slip = w - gap[:, None] * normal
-        shifts, entering = self._shifts, self._crossed
-        if len(shifts.nodes):
-            slip[shifts.nodes] -= shifts.shift
-        if len(entering.nodes):
-            positions[entering.nodes] -= entering.back(slip, solution)
-        # The anchors of shifted nodes and of those that came into contact are moved even if they stick now.
-        history.keep(self.gaps, sticking, positions, gap, (shifts.nodes, entering.nodes))
-        history.slip = slip
-        history.swept = np.zeros_like(slip) if self._way is None else self._way.swept
-        sliding = (solution.status != OPEN) & ~sticking
-        return bool(len(entering.nodes)) or not bool((np.abs(slip[sliding]) <= AT_REST).all())
+        shifted, entered = ((found.nodes, found.shift) for found in (self._shifts, self._crossed))
+        history, force, w = self._history, solution.force, solution.displacement
+        slides = history.keep(self.gaps, solution.status, force, w, points + image, self._soft, shifted, entered)
+        history.swept[:] = 0.0 if self._sweeping is None else self._sweeping
+        return slides

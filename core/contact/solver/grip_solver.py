@@ -22,7 +22,7 @@ from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .balance import Balance, balance
 from .bodies import ContactBody, node_gaps
-from .cone import STICK, along
+from .cone import SLIP, STICK, along
 from .grip import NOWHERE, Displacement, Grip, GripStep, HoldContext, HoldingFinger
 from .notes import Notes
 from .solve import status_of
@@ -319,13 +319,10 @@ class GripSolver:
             bodies = (*grip.gaps.bodies[: grip.own], body, *grip.gaps.bodies[grip.own + 1 :])
             moved = replace(grip.gaps, bodies=bodies)
             status = status_of(whole, w, grip.gaps.normal, grip.gaps.friction)
-            gap = along(w, grip.gaps.normal)
-            # Positions on the body's surface; a node that is pressed into a soft body is on its deformed surface.
-            soft = grip.gaps.compliance(finger.areas, finger.name)
-            on_body = self._deformed[i] + soft[:, None] * whole - gap[:, None] * moved.normal
             # No node sticks to material that slid along the skin.
-            sticks = (status == STICK) & ((grip.gaps.body != grip.own) | (not drawn))
-            grip.history.keep(moved, sticks, on_body, gap)
+            held = np.where((grip.gaps.body == grip.own) & drawn & (status == STICK), SLIP, status).astype(np.int8)
+            soft = grip.gaps.compliance(finger.areas, finger.name)
+            grip.history.keep(moved, held, whole, w, self._deformed[i], soft)
             forces.append(whole)
             statuses.append(status)
             gaps.append(moved)

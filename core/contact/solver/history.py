@@ -3,20 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from ctypes import byref
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
+from ...errors import DermisError
+from ...kernels import records
+from ...kernels.library import kernels
+from ...kernels.records import address
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from ...surface.topology import cut_otherwise
 from .bodies import ContactBody, Expected, NodeGaps, corners_of, from_material, owned, to_material, unplaced
 
-_ARRAYS = ("body", "_material", "_triangle", "_corners", "_local", "_normal", "gap", "sticking", "slip", "swept")
-
-# Two adjacent bodies form one smooth surface if the cosine between their normals is above this.
-LEVEL = 0.999
+# The arrays of a history with their fields in the kernels' record, numbers of 8 bytes a node, and types. All lie in one
+# block, with `sticking` of one byte a node at its end.
+_ARRAYS: tuple[tuple[str, str, int, type[np.generic]], ...] = (
+    ("body", "owner", 1, np.int64),
+    ("_triangle", "triangle", 1, np.int64),
+    ("_corners", "corners", 3, np.int64),
+    ("_material", "material", 3, np.float64),
+    ("_local", "", 3, np.float64),
+    ("_normal", "normal", 3, np.float64),
+    ("gap", "gap", 1, np.float64),
+    ("slip", "slip", 3, np.float64),
+    ("swept", "swept", 3, np.float64),
+)
+_NAMES = (*(name for name, _, _, _ in _ARRAYS), "sticking")
+NOTHING = np.zeros(0, dtype=np.int64), np.zeros((0, 3))  # no node is shifted
+_WIDE = 8 * sum(width for _, _, width, _ in _ARRAYS)
 
 
 class ContactHistory:
@@ -37,18 +54,32 @@ class ContactHistory:
         swept: slip that each node would have had if the skin had not moved [m], shape (m, 3).
     """
 
-    def __init__(self, count: int) -> None:
-        self.body: Indices = np.full(count, -1)
-        self._material = np.zeros((count, 3))
-        self._triangle: Indices = np.full(count, -1)
-        self._corners: Indices = np.full((count, 3), -1)  # vertices of the triangle when the anchor was set
-        self._local = np.zeros((count, 3))  # last position on the body at its first scale
-        self._faces: dict[int, NDArray[np.integer]] = {}  # triangles of deforming bodies at that time
-        self._normal = np.zeros((count, 3))  # out of the body, in its axes
-        self.gap = np.zeros(count)
-        self.sticking = np.zeros(count, dtype=bool)
-        self.slip, self.swept = np.zeros((count, 3)), np.zeros((count, 3))
-        self._seen: tuple[Sequence[ContactBody], Array] | None = None  # bodies, and the anchors' positions on them
+    body: Indices
+    gap: Array
+    sticking: NDArray[np.bool_]
+    slip: Array
+    swept: Array
+    _material: Array
+    _triangle: Indices
+    _corners: Indices  # vertices of the triangle when the anchor was set
+    _local: Array  # last position on a deforming body at its first scale
+    _normal: Array  # out of the body, in its axes
+
+    def __init__(self, count: int, block: NDArray[np.uint8] | None = None) -> None:
+        self._block = np.zeros((_WIDE + 1) * count, np.uint8) if block is None else block
+        self.record, start = records.FrictionRecord(count), address(self._block)
+        at = 0
+        for name, field, width, kind in _ARRAYS:
+            array = self._block[at : at + 8 * width * count].view(kind)
+            setattr(self, name, array if width == 1 else array.reshape(count, width))
+            if field:
+                setattr(self.record, field, start + at)
+            at += 8 * width * count
+        self.sticking, self.record.sticking = self._block[at:].view(np.bool_), start + at
+        if block is None:
+            self.body[:] = self._triangle[:] = self._corners[:] = -1
+        self._faces: dict[int, NDArray[np.integer]] = {}  # triangles of deforming bodies when anchors were set
+        self._seen: tuple[Sequence[ContactBody], Array] | None = None  # bodies, and what `expected` found for them
 
     def clear(self) -> None:
         """Remove all anchors; the next frame starts from rest."""
@@ -57,18 +88,22 @@ class ContactHistory:
         self._seen = None
         self._faces.clear()
 
-    def copy(self) -> ContactHistory:
-        """Return a copy that shares nothing with this one."""
-        other = ContactHistory.__new__(ContactHistory)
-        for name in _ARRAYS:
-            setattr(other, name, getattr(self, name).copy())
-        other._faces, other._seen = dict(self._faces), None
-        return other
+    def save(self) -> tuple[NDArray[np.uint8], dict[int, NDArray[np.integer]]]:
+        """Return the state, for `restored`."""
+        return self._block.copy(), dict(self._faces)
+
+    @classmethod
+    def restored(cls, state: tuple[NDArray[np.uint8], dict[int, NDArray[np.integer]]]) -> ContactHistory:
+        """Return a history of a saved state, which shares nothing with it."""
+        block, faces = state
+        history = cls(len(block) // (_WIDE + 1), block.copy())
+        history._faces = dict(faces)
+        return history
 
     def rearranged(self, order: Indices, count: int) -> ContactHistory:
         """Return the history of other points: points `order` of this one, and `count` points without history."""
         other = ContactHistory(len(order) + count)
-        for name in _ARRAYS:
+        for name in _NAMES:
             getattr(other, name)[: len(order)] = getattr(self, name)[order]
         other._faces = dict(self._faces)
         return other
@@ -85,7 +120,7 @@ class ContactHistory:
             bodies: the bodies as they were in the last frame.
             positions: positions of the new points in that frame [m], shape (n, 3).
         """
-        for name in _ARRAYS:
+        for name in _NAMES:
             getattr(self, name)[nodes] = getattr(source, name)[sources]
         self._put(bodies, nodes, self.body[nodes], self._triangle[nodes], positions)
 
@@ -94,7 +129,8 @@ class ContactHistory:
         bodies: Sequence[ContactBody],
         deformed: Array,
         search_radius: float,
-        ahead: Callable[[Array], Array] | None = None,
+        force: Array | None = None,
+        drift: tuple[Array, Array] | None = None,
     ) -> Expected:
         """Return the expected positions of the nodes in the next frame.
 
@@ -102,29 +138,59 @@ class ContactHistory:
             bodies: bodies in the next frame.
             deformed: positions of the nodes in the last frame [m], shape (m, 3).
             search_radius: sticking nodes do not move with a body that moved farther than this [m].
-            ahead: function from the movement of the anchors [m], shape (m, 3), to the expected movement of slipping
-                skin [m], shape (3,).
+            force: forces of the last frame [N], shape (m, 3); needed with a drift.
+            drift: `Drift.moved` and `Drift.passed` of the last frame, with which slipping skin moves on; None if it is
+                expected to stay.
         """
-        anchors, normal = self._anchors(bodies), self.normals(bodies)
-        moved = anchors - deformed
-        carried = self.sticking & (np.einsum("ij,ij->i", moved, moved) <= search_radius * search_radius)
-        places = np.where(carried[:, None], anchors, deformed if ahead is None else deformed + ahead(moved))
-        return Expected(places, anchors + self.gap[:, None] * normal, normal, self.body)
-
-    def _anchors(self, bodies: Sequence[ContactBody]) -> Array:
-        """Return the positions of the anchors on bodies [m], shape (m, 3); nan without an anchor.
-
-        They are kept, because a frame needs them twice.
-        """
-        if self._seen is None or self._seen[0] is not bodies:
-            shaped = [(i, own) for i, own in owned(self.body) if bodies[i].deforms or i in self._faces]
+        record, m = self.record, len(self.body)
+        out = np.empty((4, m, 3))  # anchors, their normals, expected places and origins
+        poses, shaped = self._pose(bodies), self._shaped(bodies)
+        if shaped:
             for index, own in shaped:
                 self._meet(index, own, bodies[index].surface)
-            places = from_material(bodies, self.body, self._material, self._triangle, self._corners)
-            for index, own in shaped:
-                self._local[own] = unplaced(bodies[index], places[own])
-            self._seen = bodies, places
-        return self._seen[1]
+                poses[index, -1] = 1.0
+            out[0] = from_material(bodies, self.body, self._material, self._triangle, self._corners)
+        deformed = np.ascontiguousarray(deformed)
+        record.image, record.radius, record.force = address(deformed), search_radius, None
+        if drift is not None and force is not None:
+            force = np.ascontiguousarray(force)
+            record.force, record.drift[:], record.passed[:] = address(force), drift[0].tolist(), drift[1].tolist()
+        at, size = address(out), out.strides[0]
+        record.anchors, record.normals, record.places, record.origins = at, at + size, at + 2 * size, at + 3 * size
+        self.call(kernels().expect)
+        for index, own in shaped:
+            self._local[own] = unplaced(bodies[index], out[0, own])
+        self._seen = bodies, out
+        return Expected(out[2], out[3], out[1], self.body)
+
+    def _shaped(self, bodies: Sequence[ContactBody]) -> list[tuple[int, Indices | slice]]:
+        """Return the bodies whose anchors may be on triangles that change, with the nodes above them."""
+        if not self._faces and not any(body.deforms for body in bodies):
+            return []
+        return [(i, own) for i, own in owned(self.body) if bodies[i].deforms or i in self._faces]
+
+    def _pose(self, bodies: Sequence[ContactBody]) -> Array:
+        """Give the record the poses of bodies, and return them, shape (b, 32)."""
+        self._poses = np.array([body.pose for body in bodies]).reshape(-1, records.POSE)
+        self.record.bodies, self.record.poses = len(bodies), address(self._poses)
+        return self._poses
+
+    def see(self, bodies: Sequence[ContactBody]) -> None:
+        """Compute the anchors on bodies; they are kept, because a frame needs them twice."""
+        if self._seen is None or self._seen[0] is not bodies:
+            self.expected(bodies, np.zeros((len(self.body), 3)), 0.0)
+
+    def call(self, kernel: Callable[[object], int]) -> None:
+        """Call a kernel with the record.
+
+        Raises:
+            DermisError: a number is not finite, or the record is damaged.
+        """
+        status = kernel(byref(self.record))
+        if status == records.NOT_FINITE:
+            raise DermisError("a number in the friction history is not finite", where="contact")
+        if status != records.DONE:
+            raise DermisError("a record for the kernels is damaged", where=kernels().path.name, value=status)
 
     def _meet(self, index: int, own: Indices | slice, surface: Surface | Plane) -> None:
         """Take the present faces of a deforming body.
@@ -142,13 +208,6 @@ class ContactHistory:
         nodes = nodes[self._corners[nodes, 0] >= 0]
         self._material[nodes], self._triangle[nodes], self._corners[nodes] = self._local[nodes], -1, -1
 
-    def normals(self, bodies: Sequence[ContactBody]) -> Array:
-        """Return the normals of the surfaces above which the nodes were, turned with their bodies, shape (m, 3)."""
-        normal = np.zeros_like(self._normal)
-        for index, own in owned(self.body):
-            normal[own] = self._normal[own] @ bodies[index].rotation.T
-        return normal
-
     def offset(self, gaps: NodeGaps, points: Array) -> Array:
         """Return the offset b of the contact problem: the gap along the normal, and the slip across it.
 
@@ -162,47 +221,67 @@ class ContactHistory:
         Returns:
             b [m], shape (m, 3).
         """
-        normal = gaps.normal
-        anchored = (self.body == gaps.body) & (self.body >= 0)
-        other = ((self.body != gaps.body) & (self.body >= 0) & (gaps.body >= 0)).nonzero()[0]
-        if other.size:  # friction continues across the seam to a body that continues the surface
-            there = np.array([not body.away for body in gaps.bodies])[self.body[other]]
-            level = np.einsum("ij,ij->i", self.normals(gaps.bodies)[other], normal[other]) > LEVEL
-            anchored[other[there & level]] = True
-        if anchored.all():
-            moved = points - self._anchors(gaps.bodies)
-        else:
-            moved = np.where(anchored[:, None], points - self._anchors(gaps.bodies), 0.0)
-        gap = np.where(gaps.body >= 0, gaps.gap, 0.0)
-        gap = gap - np.einsum("ij,ij->i", moved, normal)
-        moved += gap[:, None] * normal
-        return moved
+        self.see(gaps.bodies)
+        record, b, points = self.record, np.empty((len(self.body), 3)), np.ascontiguousarray(points)
+        record.below, record.facing, record.gaps = address(gaps.body), address(gaps.normal), address(gaps.gap)
+        record.points, record.offset = address(points), address(b)
+        self.call(kernels().offset)
+        return b
 
     def keep(
-        self, gaps: NodeGaps, sticking: NDArray[np.bool_], positions: Array, gap: Array, moved: Sequence[Indices] = ()
-    ) -> None:
-        """Move the anchors of all nodes that do not stick to their present positions.
+        self,
+        gaps: NodeGaps,
+        status: NDArray[np.int8],
+        force: Array,
+        displacement: Array,
+        deformed: Array,
+        soft: Array,
+        shifted: tuple[Indices, Array] = NOTHING,
+        entered: tuple[Indices, Array] = NOTHING,
+    ) -> bool:
+        """Update the history to the end of a frame, and return whether the frame is not at rest.
+
+        The anchors of all nodes that do not stick are moved to their present positions.
 
         Args:
             gaps: present gaps of the nodes.
-            sticking: whether each node sticks, shape (m,).
-            positions: positions of the nodes, projected onto the bodies' surfaces [m], shape (m, 3).
-            gap: gap between node and surface [m], shape (m,).
-            moved: indices of nodes whose anchors are moved even if they stick, shape (k,) each.
+            status: of each node, see `Solution`, shape (m,).
+            force: forces of the frame [N], shape (m, 3).
+            displacement: relative displacement w of the nodes [m], shape (m, 3).
+            deformed: positions of the nodes [m], shape (m, 3).
+            soft: compliance of the body below each node [m/N], shape (m,).
+            shifted: nodes whose slip was shifted, shape (k,), and the shifts [m], shape (k, 3). Their anchors are moved
+                even if they stick.
+            entered: the same for nodes that came into contact; their anchors then lag behind them.
         """
-        near = gaps.body >= 0
-        renewed = near & ~(sticking & (self.body == gaps.body))
-        for some in moved:
-            renewed[some] = near[some]
-        nodes = renewed.nonzero()[0]
-        if nodes.size:
-            body, triangle = gaps.body.take(nodes), gaps.triangle.take(nodes)
-            self._put(gaps.bodies, nodes, body, triangle, positions.take(nodes, axis=0))
-        self._seen, self.body = None, np.where(near, gaps.body, -1)
-        self.sticking = near & sticking
-        self.gap = np.maximum(gap, 0.0)
-        for index, own in owned(self.body):
-            self._normal[own] = gaps.normal[own] @ gaps.bodies[index].rotation
+        record, m = self.record, len(self.body)
+        self._pose(gaps.bodies)
+        (nodes, shift), (entering, crossing) = shifted, entered
+        frame = gaps.body, gaps.triangle, gaps.normal, status, force, displacement, deformed, soft
+        given = [np.ascontiguousarray(array) for array in (*frame, nodes, shift, entering, crossing)]
+        positions, renewed = np.empty((m, 3)), np.empty(m, dtype=np.bool_)
+        (
+            record.below,
+            record.faces,
+            record.facing,
+            record.status,
+            record.force,
+            record.moved,
+            record.image,
+            record.soft,
+            record.nodes,
+            record.shift,
+            record.entering,
+            record.crossing,
+        ) = [address(array) for array in given]
+        record.shifted, record.entered = len(nodes), len(entering)
+        record.positions, record.renewed = address(positions), address(renewed)
+        self.call(kernels().keep)
+        self._seen = None
+        for index, _ in self._shaped(gaps.bodies):
+            own = (renewed & (self.body == index)).nonzero()[0]
+            self._put(gaps.bodies, own, self.body[own], gaps.triangle[own], positions[own])
+        return bool(record.slides)
 
     def _put(
         self, bodies: Sequence[ContactBody], nodes: Indices, body: Indices, triangle: Indices, positions: Array

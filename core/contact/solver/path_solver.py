@@ -29,6 +29,7 @@ from .notes import Notes
 from .path_step import PathStep, SolvedFrame
 from .solve import MOST_SWEEPS, Solution, status_of
 from .sweeps import sweep
+from .within_frame import STILL
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
 
@@ -147,14 +148,14 @@ class PathSolver:
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`: a step may then be tried and taken back."""
         state = {name: getattr(self, name) for name in _STATE}
-        state.update(history=self.history.copy(), counters=dict(self.counters), _notes=self.notes.copy())
+        state.update(history=self.history.save(), counters=dict(self.counters), _notes=self.notes.copy())
         return state if self.law is None else {**state, "law": self.law.save()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state: the frames that follow are the same to the last bit."""
         for name in _STATE:
             setattr(self, name, state[name])
-        self.history = state["history"].copy()
+        self.history = ContactHistory.restored(state["history"])
         self.counters, self.notes = dict(state["counters"]), state["_notes"].copy()
         if self.law is not None:
             self.law.restore(state["law"])
@@ -173,7 +174,8 @@ class PathSolver:
         self.reset()
         none = np.zeros(len(self._zero))
         nothing = Solution(self._zero, self._zero, self._zero, none, self._status, 0, 0.0, self.tolerance, "none")
-        self._step = PathStep(nothing, self._zero, None, "idle", False, self.nodal(self._zero), self.amounts)
+        nodal = self.nodal(self._zero)
+        self._step = PathStep(nothing, self._zero, None, "idle", False, nodal, self.amounts, self.points, self.bone)
         return self._step
 
     @property
@@ -273,8 +275,9 @@ class PathSolver:
 
     def _expected(self, bodies: Sequence[ContactBody]) -> Expected:
         """Return the expected places of the skin in the next frame."""
-        ahead = self._rubbing.ahead(bodies, self.history, self._force, self.loaded)
-        return self.history.expected(bodies, self.points + self._image, self.search_radius, ahead)
+        drift = self._rubbing.drift
+        way = None if drift is STILL else (drift.moved, drift.passed)
+        return self.history.expected(bodies, self.points + self._image, self.search_radius, self._force, way)
 
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
         """Return the largest change of the gap at some nodes since the last frame [m].
@@ -300,7 +303,7 @@ class PathSolver:
             friction.notice(solution)
         self._remember(solved, friction)
         nodal = self._zero if part else self.nodal(solution.force)
-        step = PathStep(solution, image, gaps, work, from_rest, nodal, self.amounts)
+        step = PathStep(solution, image, gaps, work, from_rest, nodal, self.amounts, self.points, self.bone)
         if part:
             self.counters["parts"] += 1
             self._at_rest = False  # a part's step has no nodal forces, so no frame may return it
@@ -340,7 +343,8 @@ class PathSolver:
         self._last, self._force, self._image = None, force, self._apply(force)
         self._bodies, self._at_rest, self._rubbing = gaps.bodies, False, UNMOVED
         self.counters["held"] += 1
-        self._step = PathStep(solution, self._image, gaps, "solved", from_rest, self.nodal(force), self.amounts)
+        own = self.nodal(force), self.amounts, self.points, self.bone
+        self._step = PathStep(solution, self._image, gaps, "solved", from_rest, *own)
         self._report(self._step, self.frames if scene_frame is None else scene_frame)
         self.frames += 1
         return self._step
@@ -375,9 +379,7 @@ class PathSolver:
         normal, mu = gaps.normal, gaps.friction
         likely = gaps.clearance < AHEAD
         found = sweep(self._matrix, b, normal, mu, soft, start, self.tolerance, MOST_SWEEPS, likely)
-        w = found.image + soft[:, None] * found.force + b
-        status = status_of(found.force, w, normal, mu)
-        goal = CHECK * self.tolerance
+        w, status, goal = found.displacement, found.status, CHECK * self.tolerance
         solution = Solution(found.force, w, normal, mu, status, found.sweeps, found.residual, goal, "sweeps")
         return SolvedFrame(solution, found.image, "solved")
 
@@ -454,7 +456,7 @@ class PathSolver:
             )
         # the gap bounds the depth, so the depth is only computed if a gap is beyond the limit
         near = step.gaps is not None and -float(step.gaps.gap.min(initial=np.inf)) > self.depth_limit
-        depth = step.depth(self.points, self.bone) if near else 0.0
+        depth = step.sums.depth if near else 0.0
         if depth > self.depth_limit:
             self.counters["deep"] += 1
             skin = "linear" if self.law is None else "neo-Hookean"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from ctypes import byref
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -9,14 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import Array
+from ...errors import DermisError
+from ...kernels import records
+from ...kernels.library import kernels
+from ...kernels.records import address
 from .bodies import NodeGaps
-from .cone import along
 from .solve import Solution
-
-# The depth is computed with at least this cosine between a face's normal and the direction to the bone.
-STEEP = 0.5
-# [m] extent of the bone along the finger, from the point `bone` towards the tip.
-BONE_END = 4e-3
 
 
 class SolvedFrame(NamedTuple):
@@ -48,6 +47,8 @@ class PathStep:
             frame, see `SubStepper`; then there is one row of zeros for each contact node.
         amounts: correction of nonlinear skin at the pad nodes [m], see `Stimulus.given`, shape (3 m,); None for linear
             skin.
+        points: undeformed nodes [m], shape (m, 3).
+        bone: a point inside the finger [m], shape (3,).
     """
 
     solution: Solution
@@ -56,45 +57,37 @@ class PathStep:
     work: str
     from_rest: bool
     nodal: Array
-    amounts: Array | None = None
+    amounts: Array | None
+    points: Array
+    bone: Array
 
     @cached_property
-    def slide(self) -> float:
-        """Mean tangential displacement of the loaded skin [m].
+    def sums(self) -> records.SumsRecord:
+        """Sums over the nodes, see `dermis_sums`.
 
-        The mean is weighted with the normal forces. Symmetric bulging under pressure cancels out. The rest is shear of
-        the tissue by friction.
+        `normal` is the sum of the normal forces and `tangential` the size of the sum of the tangential ones [N].
+
+        `depth` is the penetration of the undeformed skin into objects [m]. It is zero if no point is inside an object.
+        Drag does not count. At an edge, drag takes skin far beyond its face. The penetration of a point is therefore
+        multiplied by a share from 0 to 1: its displacement towards the bone, divided by that of a displacement along
+        the normal only, with the same normal component. In a frame from rest the share is 1.
+
+        `slide` is the mean tangential displacement of the loaded skin [m], weighted with the normal forces. Symmetric
+        bulging under pressure cancels out. The rest is shear of the tissue by friction.
+
+        Raises:
+            DermisError: the arrays do not fit each other.
         """
-        weight = self.solution.normal_force
-        total = float(weight.sum())
-        if total <= 0.0:
-            return 0.0
-        mean, normal = weight @ self.displacement / total, weight @ self.solution.normals
-        normal = normal / max(float(np.sqrt(normal @ normal)), 1e-300)
-        along_it = mean - (mean @ normal) * normal
-        return float(np.sqrt(along_it @ along_it))
-
-    def depth(self, points: Array, bone: Array) -> float:
-        """Return the penetration of the undeformed skin into objects [m].
-
-        It is zero if no point is inside an object. Drag does not count. At an edge, drag takes skin far beyond its
-        face. The penetration of a point is therefore multiplied by a share from 0 to 1: its displacement towards the
-        bone, divided by that of a displacement along the normal only, with the same normal component. In a frame from
-        rest the share is 1.
-
-        Args:
-            points: undeformed nodes [m], shape (m, 3).
-            bone: a point inside the finger [m], shape (3,).
-        """
+        solution, n = self.solution, len(self.points)
+        vectors = self.points, solution.force, solution.normals, solution.displacement, self.displacement
+        given = *vectors, *(() if self.gaps is None else (self.gaps.gap,)), solution.status
+        if any(len(array) != n for array in given):
+            raise DermisError("the points and the contact do not fit", where="contact", value=n)
+        kept = [np.ascontiguousarray(array) for array in given]
+        places = [*map(address, kept)]
         if self.gaps is None:
-            return 0.0
-        inside = (self.gaps.gap < 0.0).nonzero()[0]
-        deep, normal, inward = -self.gaps.gap[inside], self.gaps.normal[inside], bone - points[inside]
-        # The direction is to the nearest part of the bone: beside the bone it has no Y part, beyond its end it has one.
-        inward[:, 1] = np.minimum(inward[:, 1] + BONE_END, 0.0)
-        if not self.from_rest:
-            above = along(self.solution.displacement[inside], normal)
-            way = self.displacement[inside] - above[:, None] * normal
-            straight = np.maximum(along(normal, inward), STEEP * np.sqrt(along(inward, inward)))
-            deep = deep * np.clip(along(way, inward) / np.maximum(along(way, normal) * straight, 1e-12), 0.0, 1.0)
-        return float(deep.max(initial=0.0))
+            places.insert(len(vectors), 0)
+        record = records.SumsRecord(n, self.from_rest, *places)
+        record.bone[:] = self.bone.tolist()
+        kernels().sum(byref(record))
+        return record

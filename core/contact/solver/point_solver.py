@@ -159,7 +159,7 @@ class PointSolver(PathSolver):
         jump at an edge of a surface, so it is used only for bodies whose triangles have changed since the last frame.
         """
         far, which = 0.0, gaps.body[nodes]
-        for i in np.unique(which).tolist():
+        for i in sorted(set(which.tolist())):
             a, b, own = start[i], gaps.bodies[i], nodes[which == i]
             way = matter_moved(a, b, self.points.take(own, axis=0), gaps.triangle.take(own))
             if way is None:

@@ -15,7 +15,6 @@ import numpy as np
 
 from ...arrays import Array, Indices
 from .bodies import ContactBody, NodeGaps, moved, paired
-from .cone import carrying
 from .path_step import PathStep
 
 # Loss of force that is tolerated while all bodies press deeper: as a share of the largest force, and as a force over
@@ -76,7 +75,7 @@ class PressWatch:
             step: result of the frame.
             points: points of the undeformed skin [m], shape (m, 3).
         """
-        pushed, loaded, before = float(step.solution.force[:, 2].sum()), carrying(step.solution.force), self._held
+        pushed, loaded, before = float(step.solution.force[:, 2].sum()), step.solution.loaded, self._held
         if loaded.any():
             assert step.gaps is not None
             push = (step.solution.normal_force[:, None] * step.solution.normals)[loaded]
@@ -95,11 +94,11 @@ class PressWatch:
         Arguments are those of `lost`.
         """
         solution, gaps = step.solution, step.gaps
-        loaded = carrying(solution.force)
+        loaded = solution.loaded
         if gaps is None or not solution.converged or not (solution.normals[loaded, 2] < 0.0).any():
             return ()
         push, which = (solution.normal_force * solution.normals[:, 2])[loaded], gaps.body[loaded]
-        drawn = tuple(index for index in np.unique(which).tolist() if float(push[which == index].sum()) < 0.0)
+        drawn = tuple(index for index in sorted(set(which.tolist())) if float(push[which == index].sum()) < 0.0)
         return drawn if drawn and _deeper(came, gaps, points[loaded], which) else ()
 
 
@@ -118,7 +117,7 @@ def _deeper(
     """
     if gaps is None or which.size == 0 or any(a.away != b.away for a, b in paired(came, gaps.bodies)):
         return False
-    for index in np.unique(which).tolist():
+    for index in sorted(set(which.tolist())):
         if index >= min(len(came), len(gaps.bodies)) or came[index].surface is not gaps.bodies[index].surface:
             return False
         way = moved(came[index], gaps.bodies[index], points[which == index])

@@ -1,4 +1,4 @@
-"""Correction of gaps of nodes that passed through a surface within one frame.
+"""Nodes that passed through a surface within one frame.
 
 All points and vectors are in the space of this surface.
 """
@@ -9,49 +9,34 @@ import numpy as np
 
 from ...arrays import Array, Indices
 from ...surface.crossing import first_crossing
-from ...surface.gap_query import GapQuery
 from ...surface.triangles import TriangleTable
 
-# If the cosine between a node's last normal and the present one is below this, the node may have passed to the other
-# side of a thin object.
-SAME_SIDE = 0.5
 # Height above a node's last position on the surface at which its path is tested for a crossing from [m].
 ABOVE = 1e-7
 
 
-def keep_sides(
-    answer: GapQuery, table: TriangleTable, side: int, places: Array, nodes: Indices, origins: Array, normals: Array
-) -> None:
-    """Assign nodes that passed through a surface to the face that they crossed first.
+def passed_through(
+    table: TriangleTable, side: int, places: Array, origins: Array, normals: Array
+) -> tuple[Indices, Array, Indices, Array]:
+    """Return the nodes that passed through a surface, and the face that each crossed first.
 
     Args:
-        answer: gaps of all nodes; changed in place.
         table: triangles of the surface.
         side: 1 if the surface is touched on the side of its normals, -1 if from behind.
-        places: expected positions of all nodes [m], shape (m, 3).
-        nodes: indices of the nodes that were above this surface in the last frame, shape (n,).
-        origins: positions from which the nodes came [m], shape (m, 3).
-        normals: normals of the surfaces above which they were, shape (m, 3).
+        places: expected positions of nodes that were above this surface [m], shape (n, 3).
+        origins: positions from which they came [m], shape (n, 3).
+        normals: normals of the surface where they were, shape (n, 3).
+
+    Returns:
+        Positions of the nodes among the given ones, shape (k,), where they crossed [m], shape (k, 3), and the faces
+        and their normals, shapes (k,) and (k, 3).
     """
-    # Nodes beyond reach have no normal at present.
-    turned = nodes[(dot(normals[nodes], answer.normal[nodes]) < SAME_SIDE) & (answer.triangle[nodes] >= 0)]
-    if turned.size == 0:
-        return
-    start = origins[turned] + ABOVE * normals[turned]
-    triangle, share = first_crossing(table, start, places[turned], side)
-    through = triangle >= 0
-    way = places[turned] - start
-    _lay(answer, places, turned[through], table, side, triangle[through], (start + share[:, None] * way)[through])
-
-
-def _lay(
-    answer: GapQuery, places: Array, nodes: Indices, table: TriangleTable, side: int, triangle: Indices, points: Array
-) -> None:
-    """Set the gaps of nodes to those from points on triangles, in place."""
-    normal = side * table.bounds[3:6].take(triangle, axis=1).T
-    answer.gap[nodes] = dot(places[nodes] - points, normal)
-    answer.normal[nodes], answer.triangle[nodes], answer.point[nodes] = normal, triangle, points
-    answer.beside[nodes] = False
+    start = origins + ABOVE * normals
+    triangle, share = first_crossing(table, start, places, side)
+    through = (triangle >= 0).nonzero()[0]
+    at = start[through] + share[through, None] * (places[through] - start[through])
+    faces = triangle[through]
+    return through, at, faces, side * table.bounds[3:6].take(faces, axis=1).T
 
 
 def dot(a: Array, b: Array) -> Array:

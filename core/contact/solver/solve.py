@@ -7,6 +7,7 @@ friction (anchors of sticking nodes, movement of the object) enters only through
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from ...arrays import Array
 from ...errors import DermisError
 from .compliance import refuse_indefinite
-from .cone import OPEN, SLIP, STICK, along
+from .cone import OPEN, SLIP, STICK, along, carrying
 from .sweeps import sweep
 
 ACCURATE = 1e-10  # default tolerance of the residual
@@ -54,10 +55,15 @@ class Solution:
         """Whether the residual is within the tolerance."""
         return self.residual <= self.tolerance
 
-    @property
+    @cached_property
     def normal_force(self) -> Array:
         """Force along the normal at each node [N], shape (m,)."""
         return along(self.force, self.normals)
+
+    @cached_property
+    def loaded(self) -> NDArray[np.bool_]:
+        """Whether each node carries force, shape (m,)."""
+        return carrying(self.force)
 
 
 def solve(
@@ -95,12 +101,12 @@ def solve(
     zero = np.zeros((axes.shape[0], 3))
     b = b.reshape(-1, 3)
     if bool((along(b, axes) >= 0.0).all()):
-        return _solution(zero, b, axes, mu, 0, 0.0, tolerance, "none")
+        return Solution(zero, b, axes, mu, np.zeros(len(zero), np.int8), 0, 0.0, tolerance, "none")
     refuse_indefinite(matrix, "contact")
     first = zero if start is None else np.asarray(start, dtype=np.float64).reshape(-1, 3)
     found = sweep(matrix, b, axes, mu, soft, first, tolerance, most)
-    w = found.image + soft[:, None] * found.force + b
-    return _solution(found.force, w, axes, mu, found.sweeps, found.residual, tolerance, "sweeps")
+    w, status = found.displacement, found.status
+    return Solution(found.force, w, axes, mu, status, found.sweeps, found.residual, tolerance, "sweeps")
 
 
 def status_of(force: Array, displacement: Array, normals: Array, friction: Array) -> NDArray[np.int8]:
@@ -116,20 +122,6 @@ def status_of(force: Array, displacement: Array, normals: Array, friction: Array
     tangential = force - fn[:, None] * normals
     on_cone = np.sqrt(along(tangential, tangential)) >= friction * fn * (1.0 - 1e-9)
     return np.where(fn <= 0.0, OPEN, np.where(on_cone, SLIP, STICK)).astype(np.int8)
-
-
-def _solution(
-    force: Array,
-    w: Array,
-    normals: Array,
-    friction: Array,
-    iterations: int,
-    residual: float,
-    tolerance: float,
-    method: str,
-) -> Solution:
-    status = status_of(force, w, normals, friction)
-    return Solution(force, w, normals, friction, status, iterations, residual, tolerance, method)
 
 
 def _checked(

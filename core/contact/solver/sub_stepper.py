@@ -215,7 +215,7 @@ class SubStepper:
     ) -> float:
         """Return the largest movement of the bodies' material at nodes [m]."""
         far, which = 0.0, gaps.body[nodes]
-        for i in np.unique(which).tolist():
+        for i in sorted(set(which.tolist())):
             own = nodes[which == i]
             way = (
                 None

@@ -26,6 +26,9 @@ class Swept(NamedTuple):
     Attributes:
         force: contact force on each node [N], shape (n, 3).
         image: displacement C f of each node [m], shape (n, 3).
+        displacement: relative displacement w of each node [m], shape (n, 3).
+        status: `cone.OPEN`, `STICK` or `SLIP` for each node, shape (n,). A node whose force is on the surface of its
+            friction cone slips.
         residual: |f - P(f - w / own)| / |f|. P projects on the friction cone, and own is the mean compliance of a node
             to its own force [m/N]; see `cone.assess`.
         sweeps: number of sweeps.
@@ -33,6 +36,8 @@ class Swept(NamedTuple):
 
     force: Array
     image: Array
+    displacement: Array
+    status: NDArray[np.int8]
     residual: float
     sweeps: int
 
@@ -71,7 +76,8 @@ def sweep(
     if compliance.dtype not in (np.float32, np.float64) or compliance.strides[-1:] != (step,):
         compliance = np.ascontiguousarray(compliance, dtype=np.float64)
         step = compliance.itemsize
-    force, image = np.array(start, dtype=np.float64, order="C"), np.empty((n, 3))
+    force, (image, moved) = np.array(start, dtype=np.float64, order="C"), np.empty((2, n, 3))
+    status = np.empty(n, dtype=np.int8)
     values = [np.ascontiguousarray(v, dtype=np.float64) for v in (offset, normals, friction, softness)]
     if compliance.shape != (3 * n, 3 * n) or [v.size for v in values] != [3 * n, 3 * n, n, n]:
         raise DermisError("the compliance and the nodes do not fit", where="contact", value=compliance.shape)
@@ -86,6 +92,8 @@ def sweep(
         most,
         address(force),
         address(image),
+        address(moved),
+        address(status),
     )
     swept = np.ones(n, dtype=np.bool_) if likely is None else likely | carrying(force)
     sweeps = 0
@@ -96,14 +104,10 @@ def sweep(
         record.given, record.nodes, record.room = nodes.size, address(nodes), address(room)
         _done(record)
         sweeps += record.sweeps
-        if not few or record.residual <= tolerance:
+        if not few or record.residual <= tolerance or not record.missed:
             break
-        w = image + values[3].reshape(-1, 1) * force + values[0].reshape(-1, 3)
-        missed = ~swept & (np.einsum("ij,ij->i", w, values[1]) < 0.0)
-        if not missed.any():
-            break
-        swept |= missed
-    return Swept(force, image, record.residual, sweeps)
+        swept |= np.einsum("ij,ij->i", moved, values[1].reshape(-1, 3)) < 0.0
+    return Swept(force, image, moved, status, record.residual, sweeps)
 
 
 def _done(record: records.ContactRecord) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from core.contact.solver.frame_friction import UNMOVED, FrameFriction
+from core.contact.solver.history import ContactHistory
 from core.contact.solver.path_solver import PathSolver
 
 from .test_halfspace import frame
@@ -62,7 +63,7 @@ def test_a_frame_that_slid_is_not_at_rest(mu: float, at_rest: bool) -> None:
     path = solver()
     taken(path, [-0.3e-3] * 3, 0.0, mu)
     gaps = frame(NODES, np.full(3, -0.3e-3), mu, (0.2e-3, 0.0))
-    history = path.history.copy()
+    history = ContactHistory.restored(path.history.save())
     step = path.step_gaps(gaps)
     here = FrameFriction(gaps, history, np.ones(3, bool), COMPLIANCE * np.eye(9), np.full(3, COMPLIANCE), np.zeros(3))
     assert here.keep(step.solution, path.points, step.displacement) is not at_rest

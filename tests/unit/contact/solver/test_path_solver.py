@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import core.contact.solver.history as history_module
 import core.contact.solver.path_solver as path_module
 from core.contact.posed_body import PosedBody
 from core.contact.solver.between import matter_moved
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import SLIP, STICK
+from core.contact.solver.history import ContactHistory
 from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.solve import solve
 from core.scene.tactile_scene import Body, Chunk, Mesh
@@ -464,8 +464,8 @@ def test_state_dependent_offset_is_honoured(skin):
 def test_anchors_that_are_told_once_a_frame_are_told_as_when_asked_twice(skin, monkeypatch):
     """Bodies come as a list, and the same ones are meant by the tuple that the gaps hold."""
     told = []
-    real = history_module.from_material
-    monkeypatch.setattr(history_module, "from_material", lambda *args: told.append(1) or real(*args))
+    real = ContactHistory.expected
+    monkeypatch.setattr(ContactHistory, "expected", lambda *args: told.append(1) or real(*args))
 
     def forces(forget):
         path, found = PathSolver(skin.compliance, skin.positions), []

@@ -1,4 +1,4 @@
-"""The friction of a skin's nodes by the kernels: against NumPy, and what is refused. `test_compiled.py` has the bytes."""
+"""Friction of a skin's nodes by the kernels: against NumPy, and what is refused; `test_compiled.py` has the bytes."""
 
 from __future__ import annotations
 
@@ -87,7 +87,8 @@ def test_sums_are_those_of_numpy(seed: int) -> None:
     assert sums.tangential == pytest.approx(np.linalg.norm(tangential), rel=1e-9)
     assert (sums.sticking, sums.slipping) == ((of["status"] == 1).sum(), (of["status"] == 2).sum())
     up = press @ of["facing"]
-    up, mean = up / max(np.linalg.norm(up), 1e-300), press @ of["image"] / press.sum() if press.sum() > 0 else np.zeros(3)
+    up /= max(np.linalg.norm(up), 1e-300)
+    mean = press @ of["image"] / press.sum() if press.sum() > 0 else np.zeros(3)
     assert sums.slide == pytest.approx(np.linalg.norm(mean - (mean @ up) * up), rel=1e-9, abs=1e-15)
     if sums.from_rest:
         assert sums.depth == max(-of["gaps"].min(), 0.0)

@@ -43,6 +43,8 @@ FUNCTIONS = (
     "dermis_keep",
     "dermis_drift",
     "dermis_sum",
+    "dermis_press_disc",
+    "dermis_settle_disc",
 )
 
 GIVEN = "compliance", "offset", "normals", "friction", "softness", "force"  # of a contact
@@ -656,3 +658,96 @@ def drawn_friction(seed: int) -> Friction:
         arrays[name] = rng.integers(0, 2, n).astype(np.uint8)
     arrays["status"] = rng.integers(0, 3, n).astype(np.int8)
     return Friction(arrays)
+
+
+@dataclass
+class Pressed:
+    """A disc that presses on points of skin, and the step after it; the library gets every change before a call."""
+
+    positions: Array
+    places: Array
+    anchors: Array
+    anchored: NDArray[np.bool_]
+    sticking: NDArray[np.bool_]
+    near: Indices
+    compliance: Array
+    less: Array | None
+    pose: Array
+    told: Array
+    friction: float
+    weight: float
+    freedoms: int
+
+    def call(self, own: Any, **changed: float) -> list[int]:
+        """Return the statuses of both functions, with fields of the first record changed; their answers stay."""
+        points, n, free = len(self.positions), len(self.near), self.freedoms
+        rows = (3 * self.near[:, None] + np.arange(3)).ravel()
+        part = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
+        self.gap, self.answers = np.full(points, np.nan), np.full((n, 3, 1 + free), np.nan)
+        self.moved, self.offset, self.status = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.full(n, 7, np.int8)
+        room, indices = np.full((60 + 3 * free + 18 * n) * n, np.nan), np.full(8 * n, 2**62)
+        self.record = record = records.DiscRecord(points=points, radius=4e-3, rounding=1e-3, margin=1e-4)
+        record.friction, record.weight, record.tolerance, record.most = self.friction, self.weight, 1e-9, 10
+        record.freedoms, record.turning, record.count = free, 2 if free == 3 else free, n
+        record.leading = self.told.shape[2] - 1
+        given = {"positions": self.positions, "places": self.places, "anchors": self.anchors, "told": self.told}
+        given |= {"anchored": self.anchored, "sticking": self.sticking, "near": self.near, "compliance": part}
+        given |= {"pose": self.pose, "room": room, "indices": indices, "gap": self.gap, "answer": self.answers}
+        given |= {"moved": self.moved, "offset": self.offset, "status": self.status}
+        for name, array in given.items():
+            setattr(record, name, address(array))
+        if self.less is not None:
+            record.less = address(self.less)
+        for name, value in changed.items():
+            setattr(record, name, value)
+        statuses = [int(own.dermis_press_disc(ctypes.byref(record)))]
+        if statuses[0] or record.strays:
+            return statuses
+        self.after = np.full((points, 3), np.nan), np.full((points, 3), np.nan), np.full((points, 2), np.nan)
+        self.sticks = np.full(points, 7, np.uint8)
+        step = records.SettledRecord(points=points, count=n, width=1 + free)
+        fixed = {"positions": self.positions, "anchors": self.anchors, "anchored": self.anchored, "near": self.near}
+        fixed |= {"compliance": self.compliance, "pose": self.pose, "answer": self.answers, "status": self.status}
+        fixed |= dict(zip(("moved", "force", "anchor"), self.after, strict=True)) | {"sticks": self.sticks}
+        for name, array in fixed.items():
+            setattr(step, name, address(array))
+        if self.less is not None:
+            step.less = address(self.less)
+        return [*statuses, int(own.dermis_settle_disc(ctypes.byref(step)))]
+
+    def answer(self) -> bytes:
+        """Return everything that a call has filled."""
+        record = self.record
+        told = np.array([record.residual, record.steps, record.strays, record.touching])
+        if record.strays:
+            return self.gap.tobytes() + told[2:3].tobytes()
+        arrays = self.gap, self.answers, self.moved, self.offset, self.status, *self.after, self.sticks
+        return b"".join(array.tobytes() for array in arrays) + told.tobytes()
+
+
+def drawn_pressed(seed: int) -> Pressed:
+    """Return a bowl of skin and a disc: above it, touching or deep, with and without friction, anchors and history."""
+    rng = np.random.default_rng(seed)
+    points, free = int(rng.integers(4, 40)), 6 if seed % 3 == 0 else 3
+    flat = rng.uniform(-6e-3, 6e-3, (points, 2))
+    positions = np.column_stack([flat, 12.0 * (flat**2).sum(axis=1)])
+    places = positions + 1e-4 * rng.normal(size=(points, 3))
+    reach = np.linalg.norm(positions[:, None] - positions, axis=2)
+    spread = np.exp(-((reach / 3e-3) ** 2)) + 0.2 * np.eye(points)
+    compliance = np.ascontiguousarray(np.kron(spread, np.diag([1.0, 1.2, 0.8]))) * 1e-3
+    anchored = rng.random(points) < 0.8 if seed % 2 else np.zeros(points, np.bool_)
+    sticking = anchored & (rng.random(points) < 0.5)
+    anchors = np.where(anchored[:, None], flat + 1e-4 * rng.normal(size=(points, 2)), 0.0)
+    turn = np.linalg.qr(np.eye(3) + 0.1 * rng.normal(size=(3, 3)))[0]
+    turn *= np.sign(np.diag(turn))
+    centre = np.array([*(5e-4 * rng.normal(size=2)), float(rng.choice([-1e-3, 2e-4, 1e-3]))])
+    spin, shift = rng.normal(size=(free, 3)), rng.normal(size=(3, free))
+    if free == 3:
+        spin[2] = 0.0
+    pose = np.concatenate([turn.ravel(), centre, spin.ravel(), shift.ravel(), 1e-5 * rng.normal(size=free)])
+    near = np.arange(points) if seed % 5 else np.flatnonzero(rng.random(points) < 0.9)
+    told = 0.01 * rng.normal(size=(len(near), 3, 1 + free * (seed % 2)))
+    less = 1e-5 * rng.normal(size=(points, 3)) if seed % 4 == 0 else None
+    friction, weight = float(rng.choice([0.0, 0.4, 1.0])), 1.0 / float(np.median(np.diag(compliance)))
+    fixed = positions, places, anchors, anchored, sticking, near, compliance, less, pose, told
+    return Pressed(*fixed, friction, weight, free)

@@ -6,7 +6,8 @@ constant while poses are tried, and updated by `DiscContact.settle` for the chos
 rounded rim is computed at the position of the deformed skin, as in `contact.solver.history`. A sticking point is at its
 anchor. Any other point is at its position after the last step.
 
-Contact at a pose is solved on the condensed compliance by a semi-smooth Newton method. All points of a rigid flat disc
+Contact at a pose is solved on the condensed compliance by a semi-smooth Newton method, which is compiled
+(`core/kernels/disc.c`). All points of a rigid flat disc
 have the same normal, and Coulomb's projection is homogeneous of degree one, so the Newton system reduces to A f = -D b
 with A = (I - D) / r + D C. Here f are the forces, C is the compliance, and b is the relative displacement without
 forces. D is the derivative of the projection, and r is the weight of displacements against forces in the projection.
@@ -22,82 +23,29 @@ Source: [S0] 3.1 (rigid disc on the skin), 3.4 and 5.1 (friction state); Alart a
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from ctypes import byref
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
-from ..contact.solver.cone import OPEN, SLIP, STICK
 from ..contact.solver.law_skin import LawState
 from ..contact.solver.solve import Solution
 from ..contact.solver.solve import solve as solve_contact
+from ..errors import DermisError
+from ..kernels import records
+from ..kernels.library import kernels
+from ..kernels.records import address
 from .disc_law import DiscLaw
 from .disc_pose import FALLBACK_TOLERANCE, TOLERANCE, Disc, DiscPose, DiscSolution, FrictionState
-from .poses import crossing
 from .press_problem import PressPoints
 
 MAX_STEPS = 10  # largest number of Newton steps at one pose
 MAX_ROUNDS = 24  # largest number of alternations between contact and the nonlinear law at one pose
-_UNIT, _NO_LAW = np.eye(3), np.zeros((0, 3, 3))  # `_NO_LAW`: `_Factors.law` if no point slips
-_STICKS, _SLIPS = np.int8(STICK), np.int8(SLIP)
 # The candidates for contact are the points with gaps below NEAR [m]. They are chosen again as soon as the gap of
 # another point is below MARGIN [m].
 NEAR, MARGIN = 0.9e-3, 0.3e-3
-
-
-@dataclass(frozen=True, eq=False)
-class _Factors:
-    """Factors of a Newton step, for the derivative of the forces.
-
-    Attributes:
-        lower, pivots: LU factors of A, as LAPACK returns them.
-        active: indices of the touching points among the candidates, shape (a,).
-        slips: indices of the slipping points among the active ones, shape (k,).
-        law: D at the slipping points, shape (k, 3, 3).
-    """
-
-    lower: Array
-    pivots: NDArray[np.int32]
-    active: NDArray[np.intp]
-    slips: NDArray[np.intp]
-    law: Array
-
-
-@dataclass(frozen=True, eq=False)
-class _Block:
-    """Compliance between touching points, and its LU factors.
-
-    Attributes:
-        key: indices of the points, as bytes.
-        matrix: compliance [m/N], shape (3 a, 3 a).
-        lower, pivots: LU factors, as LAPACK returns them.
-        sound: whether the factorisation succeeded.
-    """
-
-    key: bytes
-    matrix: Array
-    lower: Array
-    pivots: NDArray[np.int32]
-    sound: bool
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """Positions of all points in the disc's frame at a pose.
-
-    Attributes:
-        local: positions of the undeformed points [m], shape (m, 3).
-        across: positions of the deformed points in the disc's plane, for the gap at the rim [m], shape (m, 2).
-        reach: distance of the positions `across` from the disc's axis [m], shape (m,).
-        gap: gap of the undeformed points, with the rim at `across` [m], shape (m,).
-    """
-
-    local: Array
-    across: Array
-    reach: Array
-    gap: Array
 
 
 class DiscContact:
@@ -116,25 +64,33 @@ class DiscContact:
 
     def __init__(self, points: PressPoints, disc: Disc, friction: float) -> None:
         self.points, self.disc, self.friction = points, disc, float(friction)
-        self.compliance, self.positions, self.count = points.compliance, points.positions, len(points.positions)
+        self.count = len(points.positions)
+        self.compliance, self.positions = (
+            np.ascontiguousarray(given, np.float64) for given in (points.compliance, points.positions)
+        )
         self.law = None if points.law is None else DiscLaw(points.law, points.modulus, points.nodal)
         self._less: Array | None = None  # the correction c at the points, constant while poses are tried
-        # Weight of displacement against force in the projection: the stiffness of a point of median compliance.
-        self._stiffness = 1.0 / float(np.median(np.diag(self.compliance)))
         self.near: NDArray[np.intp] = np.zeros(0, np.intp)
-        self._built: Array | None = None
-        self._rest_positions = np.zeros((0, 3))
-        self._block: _Block | None = None
-        self._guess: tuple[Array, Array, Array] | None = None  # a configuration, its forces and their derivative
-        # The undeformed positions of all points, then their positions after the last step.
-        self._all = np.concatenate([self.positions, self.positions])
-        # Homogeneous coordinates of the candidates: undeformed, and after the last step.
-        self._rest4, self._places4 = np.ones((0, 4)), np.ones((0, 4))
         self.choice = 0  # number of choices of candidates; while it stays the same, tables for the candidates are valid
         self.solved = self.fallbacks = 0
-        from scipy.linalg.lapack import dgetrf, dgetrs
-
-        self._factorise, self._back = dgetrf, dgetrs
+        self._places, self._gap = self.positions.copy(), np.empty(self.count)
+        self._built: Array | None = None
+        # Forces to start from, with their derivative if there is one, and the configuration to which they belong.
+        self._told: tuple[Array, Array | None] = (np.zeros((0, 3, 1)), None)
+        self._record = records.DiscRecord(
+            points=self.count,
+            positions=address(self.positions),
+            places=address(self._places),
+            radius=disc.radius,
+            rounding=disc.rounding,
+            friction=self.friction,
+            weight=1.0 / float(np.median(np.diag(self.compliance))),  # the stiffness of a point of median compliance
+            margin=MARGIN,
+            gap=address(self._gap),
+        )
+        self._settled = records.SettledRecord(
+            points=self.count, positions=address(self.positions), compliance=address(self.compliance)
+        )
         self.hold(FrictionState.rest(self.count))
 
     def hold(self, state: FrictionState) -> None:
@@ -144,9 +100,11 @@ class DiscContact:
         solved before, not even by rounding.
         """
         self.state = state
-        np.add(self.positions, state.moved, out=self._all[self.count :])
-        self._stuck = state.sticking.nonzero()[0]
-        self._stuck_at = state.anchor[self._stuck]
+        np.add(self.positions, state.moved, out=self._places)
+        # The record holds addresses only, so the arrays are held here.
+        self._held = tuple(map(np.ascontiguousarray, (state.anchor, state.anchored, state.sticking)))
+        record = self._record
+        record.anchors, record.anchored, record.sticking = map(address, self._held)
         near = np.zeros(0, np.intp) if state.last is None else state.last.near
         if self.law is not None:
             self.law.begin(state.law)
@@ -211,229 +169,111 @@ class DiscContact:
 
         On linear skin there is no correction, and the result is exact.
         """
-        seen = self._seen(pose)
-        self._choose(seen)
         self.solved += 1
-        offset, change = self._offsets(pose, seen)
-        if not (seen.gap[self.near] < 0.0).any():
-            zero = np.zeros_like(offset)
-            nothing = np.zeros(len(offset), np.int8)
-            return DiscSolution(pose, self.near, zero, offset, np.zeros_like(change), nothing, 0.0, 0, "none")
-        guess = self._held_force
-        if self._guess is not None:
-            # The forces are extrapolated to first order, so that the guess nearly always has the right status.
-            at, guess, slope = self._guess
-            guess = guess + slope @ (pose.x - at)
-        force, w, slope, status, residual, steps = self._newton(pose, offset, change, guess)
-        method = "newton"
+        record = self._pressed(pose, *self._told)
+        if record.strays or not len(self.near):  # another point has come close: choose the candidates again
+            self._take(np.flatnonzero(self._gap < NEAR))
+            record = self._pressed(pose, *self._told)
+        answer, w, status = self._out
+        method, residual, steps = "newton", float(record.residual), int(record.steps)
+        if not record.touching:
+            return DiscSolution(pose, self.near, answer, w, status, 0.0, 0, "none")
         if residual > TOLERANCE:
             self.fallbacks += 1
             method = "fallback"
-            other = self._solved_otherwise(pose, offset, force)
-            force, w, slope, status, residual, more = self._newton(pose, offset, change, other.force, steps=1)
+            other = self._solved_otherwise(pose, answer[:, :, 0])
+            record = self._pressed(pose, other.force[:, :, None], None, steps=1)
+            answer, w, status = self._out
+            steps += other.iterations + int(record.steps)
+            residual = float(record.residual)
             if residual > other.residual:
-                force, w, status, residual = other.force, other.displacement, other.status, other.residual
-            steps += other.iterations + more
-        self._guess = (pose.x, force, slope)
-        return DiscSolution(pose, self.near, force, w, slope, status, residual, steps, method, less=self._less)
+                answer[:, :, 0], w, status, residual = other.force, other.displacement, other.status, other.residual
+        self._told = answer, pose.x
+        return DiscSolution(pose, self.near, answer, w, status, residual, steps, method, less=self._less)
 
-    def _solved_otherwise(self, pose: DiscPose, offset: Array, start: Array) -> Solution:
+    def _pressed(self, pose: DiscPose, told: Array, at: Array | None, steps: int = MAX_STEPS) -> records.DiscRecord:
+        """Press the disc on the candidates at a pose by Newton's method.
+
+        The results are in the record, in `_out` (forces with their derivative, displacements w and status of the
+        candidates) and in `_offset`.
+
+        Args:
+            pose: pose of the disc.
+            told: forces to start from [N], each followed by its derivative unless `at` is None, shape (s, 3, 1 + n).
+            at: configuration to which `told` belongs, shape (n,).
+            steps: largest number of Newton steps.
+
+        Raises:
+            DermisError: a number is not finite.
+        """
+        record, size, n = self._record, len(self.near), len(pose.spin)
+        if record.count != size or record.freedoms != n:
+            self._room = np.empty((60 + 3 * n + 18 * size) * size), np.empty(8 * size, np.int64)
+            self._offset = np.empty((size, 3))
+            record.count, record.freedoms, record.turning = size, n, pose.turning
+            record.room, record.indices = address(self._room[0]), address(self._room[1])
+            record.offset = address(self._offset)
+        self._out = out = np.empty((size, 3, 1 + n)), np.empty((size, 3)), np.empty(size, np.int8)
+        record.answer, record.moved, record.status = (address(array) for array in out)
+        ahead = pose.x if at is None else pose.x - at
+        parts = pose.rotation.ravel(), pose.centre, pose.spin.ravel(), pose.shift.ravel(), ahead
+        placed, told = np.concatenate(parts), np.ascontiguousarray(told)
+        record.pose, record.told, record.leading = address(placed), address(told), 0 if at is None else n
+        if self._built is None:
+            record.compliance = address(self._matrix)
+        less = None if self._less is None else np.ascontiguousarray(self._less, np.float64)
+        record.less = None if less is None else address(less)
+        record.tolerance, record.most = TOLERANCE, steps
+        _done(kernels().press_disc(byref(record)), record)
+        return record
+
+    def _solved_otherwise(self, pose: DiscPose, start: Array) -> Solution:
         """Solve contact by Gauss-Seidel sweeps.
 
         They are slower than Newton's method but more robust.
 
         Args:
             pose: pose of the disc.
-            offset: offset b of the candidates [m], shape (s, 3).
             start: forces to start from [N], shape (s, 3).
         """
-        b = offset if self._less is None else offset - self._less[self.near]
-        normals = np.tile(pose.normal, (len(offset), 1))
+        b = self._offset if self._less is None else self._offset - self._less[self.near]
+        normals = np.tile(pose.normal, (len(b), 1))
         return solve_contact(
             self._matrix, b.ravel(), self.friction, normals=normals, start=start, tolerance=FALLBACK_TOLERANCE
         )
 
     def nodal(self, solution: DiscSolution) -> Array:
         """Return the forces on the nodes of the skin's mesh [N], shape (m, 3)."""
-        spread = self.points.nodal
-        if spread is None:
-            return solution.spread(self.count)
-        loaded = np.flatnonzero(solution.status != OPEN)
-        columns = _degrees(solution.near[loaded])
-        return (spread[:, columns] @ solution.force[loaded].ravel()).reshape(-1, 3)
+        force, spread = solution.spread(self.count), self.points.spread
+        return force if spread is None else np.asarray(spread @ force.ravel()).reshape(-1, 3)
 
     def settle(self, solution: DiscSolution) -> FrictionState:
         """Return the friction state after a step that ended with a solution.
 
         A sticking point keeps its anchor. A slipping or open point gets a new anchor at its own position.
+
+        Raises:
+            DermisError: a number is not finite.
         """
-        pose = solution.pose
-        local = (self.positions - pose.centre) @ pose.rotation
-        anchor = local[:, :2].copy()
-        force = solution.spread(self.count)
-        moved = np.zeros((self.count, 3))
-        loaded = np.flatnonzero(solution.status != OPEN)
-        if len(loaded):
-            rows = _degrees(solution.near[loaded])
-            moved = (self.compliance[rows].T @ solution.force[loaded].ravel()).reshape(-1, 3)
-            if solution.less is not None:
-                moved -= solution.less
-            anchor += (moved @ pose.rotation)[:, :2]
-        kept = solution.near[(solution.status == STICK) & self.state.anchored[solution.near]]
-        anchor[kept] = self.state.anchor[kept]
-        sticking = np.zeros(self.count, bool)
-        sticking[solution.near[solution.status == STICK]] = True
+        pose, answer, record = solution.pose, solution.answer, self._settled
+        out = (
+            np.empty((self.count, 3)),
+            np.empty((self.count, 3)),
+            np.empty((self.count, 2)),
+            np.empty(self.count, bool),
+        )
+        record.moved, record.force, record.anchor, record.sticks = (address(array) for array in out)
+        placed = np.concatenate([pose.rotation.ravel(), pose.centre])
+        record.anchors, record.anchored = address(self._held[0]), address(self._held[1])
+        less = None if solution.less is None else np.ascontiguousarray(solution.less, np.float64)
+        record.less = None if less is None else address(less)
+        record.pose, record.count, record.width = address(placed), len(answer), answer.shape[2]
+        record.near, record.answer, record.status = address(solution.near), address(answer), address(solution.status)
+        _done(kernels().settle_disc(byref(record)), record)
+        moved, force, anchor, sticking = out
         return FrictionState(np.ones(self.count, bool), anchor, force, sticking, moved, solution, solution.law)
 
     # -- parts -------------------------------------------------------------------------------------------------------
-
-    def _newton(
-        self, pose: DiscPose, offset: Array, change: Array, guess: Array, steps: int = MAX_STEPS
-    ) -> tuple[Array, Array, Array, NDArray[np.int8], float, int]:
-        """Solve by Newton's method.
-
-        Args:
-            pose: pose of the disc.
-            offset, change: offset b of the candidates and its derivative, see `_offsets`.
-            guess: forces to start from [N], shape (s, 3).
-            steps: largest number of steps.
-
-        Returns:
-            Forces [N], shape (s, 3), displacements w [m], shape (s, 3), derivative of the forces, shape (s, 3, n),
-            status, shape (s,), residual, and number of steps.
-        """
-        normal, r, mu, size = pose.normal, self._stiffness, self.friction, len(offset)
-        untouched = offset
-        if self._less is not None:
-            offset = offset - self._less[self.near]
-        force, step = guess, 0
-        best = (np.inf, force, offset, np.zeros(size, np.int8))
-        factors: _Factors | None = None
-        best_factors: _Factors | None = None
-        while True:
-            w = (self._matrix @ force.ravel()).reshape(size, 3) + offset
-            v = force - r * w
-            vn = v @ normal
-            tangent = v - vn[:, None] * normal
-            length = np.sqrt(np.einsum("ij,ij->i", tangent, tangent))
-            np.maximum(length, 1e-300, out=length)
-            pushed = np.maximum(vn, 0.0)
-            share = np.minimum(mu * pushed / length, 1.0)
-            if step:  # the guess itself is not a result
-                wanted = tangent * share[:, None] + pushed[:, None] * normal
-                miss = (wanted - force).ravel()
-                weight = max(float(np.vdot(wanted, wanted)), float(np.vdot(force, force)))
-                residual = math.sqrt(float(miss @ miss) / weight) if weight > 0.0 else 0.0
-                if residual < best[0]:
-                    status = np.where(share < 1.0, _SLIPS, _STICKS)
-                    status[vn <= 0.0] = OPEN
-                    best, best_factors = (residual, force, w, status), factors
-                if step == steps or residual <= TOLERANCE:
-                    break
-            step += 1
-            active = (vn > 0.0).nonzero()[0]
-            force, factors = np.zeros((size, 3)), None
-            if len(active) == 0:
-                continue
-            right = offset[active]
-            block = self._active_block(active)
-            lower, pivots, sound = block.lower, block.pivots, block.sound
-            slips, law = (share[active] < 1.0).nonzero()[0], _NO_LAW
-            if len(slips):
-                at = active[slips]
-                law = _projection_slope(normal, tangent[at] / length[at, None], mu, share[at])
-                matrix = block.matrix.reshape(len(active), 3, -1).copy()
-                matrix[slips] = law @ matrix[slips]
-                matrix.reshape(len(active), 3, len(active), 3)[slips, :, slips] += (_UNIT - law) / r
-                right[slips] = (law @ right[slips, :, None])[:, :, 0]
-                # The transpose is in Fortran order, which avoids a copy.
-                lower, pivots, info = self._factorise(matrix.reshape(3 * len(active), -1).T, overwrite_a=True)
-                sound = info == 0
-            if not sound:
-                break
-            factors = _Factors(lower, pivots, active, slips, law)
-            answer, _ = self._back(lower, pivots, -right.ravel(), trans=1)
-            force[active] = answer.reshape(-1, 3)
-        residual, force, w, status = best
-        slope = self._slope(pose, best_factors, force, w - untouched, change)
-        return force, w, slope, status, residual, step
-
-    def _slope(self, pose: DiscPose, factors: _Factors | None, force: Array, moved: Array, change: Array) -> Array:
-        """Return the derivative of the forces, shape (s, 3, n).
-
-        The derivative is with respect to the configuration.
-
-        Args:
-            pose: pose of the disc.
-            factors: factors of the last Newton step; None if nothing touches.
-            force: forces [N], shape (s, 3).
-            moved: displacement by the forces [m], shape (s, 3).
-            change: derivative of the offset, shape (s, 3, n).
-        """
-        slope = np.zeros_like(change)
-        if factors is None:
-            return slope
-        active, count, slips = factors.active, pose.turning, factors.slips
-        turn = crossing(pose.spin[:count]).reshape(-1, 3).T
-        right = change[active]
-        right[:, :, :count] -= (moved[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)
-        turned = None
-        if len(slips):  # if no point slips, these terms cancel
-            turned = (force[active] @ turn).reshape(-1, count, 3).transpose(0, 2, 1)  # Omega f
-            block = self._active_block(active).matrix
-            right[:, :, :count] += (block @ turned.reshape(-1, count)).reshape(-1, 3, count)
-            right[slips] = factors.law @ right[slips]
-        answer, _ = self._back(factors.lower, factors.pivots, -right.reshape(-1, right.shape[2]), trans=1)
-        slope[active] = answer.reshape(right.shape)
-        if turned is not None:
-            slope[active, :, :count] += turned
-        return slope
-
-    def _seen(self, pose: DiscPose) -> _Seen:
-        """Return the positions of all points in the disc's frame.
-
-        For the gap at the rim, a sticking point is at its anchor.
-        """
-        both = (self._all - pose.centre) @ pose.rotation
-        local, across = both[: self.count], both[self.count :, :2]
-        across[self._stuck] = self._stuck_at
-        square = across * across
-        reach = np.sqrt(square[:, 0] + square[:, 1])
-        over = np.maximum(reach - self.disc.radius, 0.0)
-        return _Seen(local, across, reach, over * over * (0.5 / self.disc.rounding) - local[:, 2])
-
-    def _offsets(self, pose: DiscPose, seen: _Seen) -> tuple[Array, Array]:
-        """Return the offset b of the candidates and its derivative.
-
-        Returns:
-            Relative displacement without force [m], shape (s, 3), and its derivative with respect to the configuration,
-            without the part that turns b with the disc, shape (s, 3, n).
-        """
-        turn, near, n = pose.rotation, self.near, len(pose.spin)
-        out = seen.local.take(near, axis=0)
-        out[:, :2] -= self._anchor
-        out[:, 2] = -seen.gap[near]
-        motion = -pose.motion().transpose(2, 1, 0).reshape(4, 3 * n)
-        move = (self._rest4 @ motion).reshape(-1, 3, n)
-        if not self._all_anchored:  # a point without an anchor has no tangential displacement relative to the disc
-            loose = ~self._anchored
-            out[loose, :2] = 0.0
-            move[loose] = turn[:, 2:] * (turn[:, 2] @ move[loose])[:, None]
-        slides = ((seen.reach[near] > self.disc.radius) & ~self._sticking).nonzero()[0]
-        if len(slides):  # points beyond the flat face, whose gap changes along the rounded rim
-            reach, across = seen.reach[near[slides]], seen.across[near[slides]]
-            steep = (reach - self.disc.radius) / (self.disc.rounding * reach)
-            outwards = (across * steep[:, None]) @ turn[:, :2].T
-            past = (self._places4[slides] @ motion).reshape(-1, 3, n)
-            move[slides] -= turn[:, 2:] * (outwards[:, None] @ past)
-        return out @ turn.T, move
-
-    def _choose(self, seen: _Seen) -> None:
-        """Choose the candidates again if another point comes close."""
-        close = seen.gap < MARGIN
-        if len(self.near) and np.count_nonzero(close[self.near]) == np.count_nonzero(close):
-            return
-        self._take(np.flatnonzero(seen.gap < NEAR))
 
     def _take(self, near: NDArray[np.intp]) -> None:
         """Set the candidates and their part of the friction state.
@@ -443,67 +283,41 @@ class DiscContact:
         """
         if near is not self.near and not np.array_equal(near, self.near):
             self.choice += 1
-            self._built = self._block = None
-            self._rest4, self._places4 = np.ones((2, len(near), 4))
-            self._rest4[:, :3] = self.positions[near]
-        self.near = near
-        self._places4[:, :3] = self._all[self.count + near]
-        state = self.state
-        self._anchored, self._anchor, self._sticking = state.anchored[near], state.anchor[near], state.sticking[near]
-        self._all_anchored = bool(self._anchored.all())
-        self._held_force, last = state.force[near], state.last
-        self._guess = None
-        if last is not None:
-            slope = last.slope
-            if last.near is not near:
-                whole = np.zeros((self.count, *slope.shape[1:]))
-                whole[last.near] = slope
-                slope = whole[near]
-            self._guess = (last.pose.x, self._held_force, slope)
+            self._built = None
+        self.near = near = np.ascontiguousarray(near)
+        self._record.near = address(near)
+        last = self.state.last
+        if last is None:
+            self._told = self.state.force[near][:, :, None], None
+            return
+        answer = last.answer
+        if last.near is not near:
+            whole = np.zeros((self.count, *answer.shape[1:]))
+            whole[last.near] = answer
+            answer = whole[near]
+        self._told = answer, last.pose.x
 
     @property
     def _matrix(self) -> Array:
         """Compliance between the candidates [m/N], shape (3 s, 3 s).
 
-        It is built at its first use, which is when something touches.
+        It is built at its first use after a choice of candidates.
         """
         if self._built is None:
             rows = _degrees(self.near)
             self._built = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
         return self._built
 
-    def _active_block(self, active: NDArray[np.intp]) -> _Block:
-        """Return the compliance and the factors of the active points.
 
-        Those of the last step are returned if the points are the same.
-        """
-        key = active.tobytes()
-        if self._block is None or self._block.key != key:
-            rows = _degrees(active)
-            matrix = self._matrix[rows[:, None], rows]
-            lower, pivots, info = self._factorise(matrix.T)
-            self._block = _Block(key, matrix, lower, pivots, info == 0)
-        return self._block
+def _done(status: int, record: records.DiscRecord | records.SettledRecord) -> None:
+    """Raise an error if the kernels refused a record."""
+    if status == records.NOT_FINITE:
+        raise DermisError("a number in the contact with the disc is not finite", where=f"point {record.wrong}")
+    if status != records.DONE:
+        raise DermisError("a record for the kernels is damaged", where=kernels().path.name, value=status)
 
 
 def _degrees(points: NDArray[np.intp]) -> NDArray[np.intp]:
     """Return the indices of the x, y and z components of points, shape (3 k,)."""
     out: NDArray[np.intp] = (3 * points[:, None] + np.arange(3)).ravel()
-    return out
-
-
-def _projection_slope(normal: Array, direction: Array, friction: float, share: Array) -> Array:
-    """Return the derivative of Coulomb's projection at slipping points.
-
-    The shape is (k, 3, 3).
-
-    Args:
-        normal: unit normal, shape (3,).
-        direction: unit vectors of the tangential part, shape (k, 3).
-        friction: friction coefficient.
-        share: factor by which the projection shortens the tangential part, shape (k,).
-    """
-    nn = normal[:, None] * normal
-    out: Array = direction[:, :, None] * (friction * normal - share[:, None] * direction)[:, None, :]
-    out += nn + share[:, None, None] * (_UNIT - nn)
     return out

@@ -155,9 +155,9 @@ class DiscSolution:
         pose: pose of the disc.
         near: indices of the candidates, the points of the skin that may touch, shape (s,); all other points carry no
             force.
-        force: forces on the candidates [N], shape (s, 3).
+        answer: forces on the candidates [N], each followed by its derivative with respect to the configuration, shape
+            (s, 3, 1 + n).
         displacement: relative displacement w = C f + b of the candidates [m], shape (s, 3).
-        slope: derivative of the forces with respect to the configuration, shape (s, 3, n).
         status: OPEN, STICK or SLIP, shape (s,).
         residual: |f - P(f - r w)|, divided by the larger of |f| and |P(f - r w)|, with Coulomb's projection P and the
             weight r of displacements. For forces of the fallback it is that of `contact.solver.solve.Solution`.
@@ -171,9 +171,8 @@ class DiscSolution:
 
     pose: DiscPose
     near: NDArray[np.intp]
-    force: Array
+    answer: Array
     displacement: Array
-    slope: Array
     status: NDArray[np.int8]
     residual: float
     iterations: int
@@ -181,6 +180,16 @@ class DiscSolution:
     amounts: Array | None = None
     law: LawState | None = None
     less: Array | None = None
+
+    @property
+    def force(self) -> Array:
+        """Forces on the candidates [N], shape (s, 3)."""
+        return self.answer[:, :, 0]
+
+    @property
+    def slope(self) -> Array:
+        """Derivative of the forces with respect to the configuration, shape (s, 3, n)."""
+        return self.answer[:, :, 1:]
 
     @property
     def converged(self) -> bool:

@@ -312,6 +312,7 @@ typedef struct {
     double centre[2];          /* out: centre of pressure in X and Y [m] */
     double shear[2];           /* out: force in X and Y divided by the normal force */
 } dermis_drawn;
+
 /* A body that a skin may touch, and the gaps of the skin's nodes to it; see `gaps.c`.
 
    For a node beyond the radius, both gaps are infinite, body and triangle -1, and all other results are 0. */
@@ -400,6 +401,73 @@ typedef struct {
     int64_t sticking, slipping; /* out: numbers of nodes */
 } dermis_sums;
 
+/* A rigid disc that presses on points of the skin, see `disc.c`.
+
+   The candidates are those points that may carry force. The forces f on them and the relative displacements
+   w = C f + offset - less obey Coulomb's law with the disc's normal. */
+typedef struct {
+    int64_t points;          /* number of points */
+    const double *positions; /* undeformed points in the finger's frame (points, 3) [m] */
+    const double *places;    /* points after the last step (points, 3) [m] */
+    const double *anchors;   /* anchors in the disc's plane (points, 2) [m] */
+    const uint8_t *anchored; /* 1 if the point has an anchor, else 0 (points) */
+    const uint8_t *sticking; /* 1 if the point stuck in the last step, else 0 (points) */
+    double radius, rounding; /* radii of the disc's flat face and of its rounded rim [m] */
+    double friction;         /* friction coefficient */
+    double weight;           /* weight of displacements against forces in the projection [N/m] */
+    double margin;           /* all points with gaps below this must be candidates [m] */
+    double tolerance;        /* largest residual at which Newton's method stops */
+    int64_t most;            /* largest number of Newton steps */
+    int64_t freedoms;        /* number n of values in the disc's configuration */
+    int64_t turning;         /* number of these, from the first on, that can turn the disc */
+    const double *pose;      /* rotation from the disc's frame to the finger's (3, 3), centre (3) [m], rotation vector per
+                                unit of each value (n, 3), derivative of the centre (3, n), and the values minus those
+                                of `told` (n) */
+    int64_t count;           /* number of candidates */
+    const int64_t *near;     /* their indices among the points (count) */
+    const double *compliance; /* C between candidates, symmetric positive definite (3 count, 3 count) [m/N] */
+    const double *less;      /* displacement of linear skin minus that of this skin (points, 3) [m]; null: the skin is
+                                linear */
+    int64_t leading;         /* n, or 0: `told` has no derivative */
+    const double *told;      /* forces to start from, each followed by its derivative (count, 3, 1 + leading) */
+    double *room;            /* workspace (60 + 3 n + 18 count, count) */
+    int64_t *indices;        /* workspace (8, count) */
+    double *gap;             /* out: gap of every undeformed point (points) [m] */
+    int64_t strays;          /* out: number of points with gaps below `margin` that are no candidates; if it is not 0,
+                                only `gap` is computed */
+    int64_t touching;        /* out: 1 if a candidate has a gap below 0, else 0: all forces are then 0 */
+    double *answer;          /* out: forces, each followed by its derivative (count, 3, 1 + n) [N] */
+    double *moved;           /* out: w (count, 3); without touch, the offset [m] */
+    double *offset;          /* out: relative displacement without force and without `less` (count, 3) [m] */
+    int8_t *status;          /* out: 0 open, 1 sticking, 2 slipping (count) */
+    double residual;         /* out: |f - P(f - weight w)|, divided by the larger of |f| and |P(f - weight w)|, with
+                                Coulomb's projection P; infinite if there is no finite result */
+    int64_t steps;           /* out: number of Newton steps done */
+    int64_t wrong;           /* out: index of the point that was refused */
+} dermis_disc;
+
+/* A step of a disc that ended, and the state of friction after it; see `disc.c`. */
+typedef struct {
+    int64_t points;           /* number of points */
+    const double *positions;  /* undeformed points in the finger's frame (points, 3) [m] */
+    const double *anchors;    /* anchors before the step, in the disc's plane (points, 2) [m] */
+    const uint8_t *anchored;  /* 1 if the point had an anchor, else 0 (points) */
+    const double *compliance; /* C between all points, symmetric (3 points, 3 points) [m/N] */
+    const double *less;       /* displacement of linear skin minus that of this skin (points, 3) [m]; null: the skin is
+                                 linear */
+    const double *pose;       /* rotation from the disc's frame to the finger's (3, 3), and centre (3) [m] */
+    int64_t count;            /* number of candidates */
+    const int64_t *near;      /* their indices among the points (count) */
+    int64_t width;            /* numbers from one component of a force to the next */
+    const double *answer;     /* forces on the candidates (count, 3, width) [N] */
+    const int8_t *status;     /* 0 open, 1 sticking, 2 slipping (count) */
+    double *moved;            /* out: displacement of the points (points, 3) [m] */
+    double *force;            /* out: forces on the points (points, 3) [N] */
+    double *anchor;           /* out: anchors (points, 2) [m] */
+    uint8_t *sticks;          /* out: 1 if the point sticks, else 0 (points) */
+    int64_t wrong;            /* out: index of the point that was refused */
+} dermis_settled;
+
 /* Sort the triangles of a tree, `order`, into slots, so that neighbours share leaves. */
 DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
 
@@ -429,6 +497,7 @@ DERMIS_API int32_t dermis_evaluate_law(dermis_law *law);
 
 /* Compute the displacement of linear tissue under forces. */
 DERMIS_API int32_t dermis_rest_solve(dermis_rest *rest);
+
 /* Compute the displacement of pieces of skin for unit forces on other pieces. */
 DERMIS_API int32_t dermis_press_pieces(dermis_pieces *pieces);
 
@@ -437,6 +506,7 @@ DERMIS_API int32_t dermis_number_points(dermis_points *points);
 
 /* Compute the drawing of a touched skin. */
 DERMIS_API int32_t dermis_draw_skin(dermis_drawn *drawn);
+
 /* Measure the gaps of nodes to a body that `dermis_body_fit` has checked. */
 DERMIS_API int32_t dermis_node_gaps(dermis_gaps *gaps);
 
@@ -457,6 +527,13 @@ DERMIS_API int32_t dermis_drift(dermis_friction *friction);
 
 /* Sum up a frame of contact. */
 DERMIS_API int32_t dermis_sum(dermis_sums *sums);
+
+/* Press a disc on the skin at one pose. */
+DERMIS_API int32_t dermis_press_disc(dermis_disc *disc);
+
+/* Renew the state of friction after a step of a disc: a sticking point keeps its anchor, any other point gets a new one
+   at its own place. */
+DERMIS_API int32_t dermis_settle_disc(dermis_settled *step);
 
 /* Return 1 if this processor and its operating system support AVX2, else 0. */
 DERMIS_API int32_t dermis_has_avx2(void);

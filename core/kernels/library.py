@@ -62,6 +62,8 @@ class Kernels:
             self.expect, self.offset = _function(library.dermis_expect), _function(library.dermis_offset)
             self.foresee, self.keep = _function(library.dermis_foresee), _function(library.dermis_keep)
             self.drift, self.sum = _function(library.dermis_drift), _function(library.dermis_sum)
+            self.press_disc = _function(library.dermis_press_disc)
+            self.settle_disc = _function(library.dermis_settle_disc)
             self.avx2 = int(library.dermis_has_avx2())
             sources = bytes(library.dermis_sources()).decode("ascii", "replace")
             fields = bytes(library.dermis_fields()).decode("ascii", "replace")

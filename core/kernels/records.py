@@ -429,6 +429,72 @@ class SumsRecord(ctypes.Structure):
 
 
 # The records and their names in C, in the order of the layout.
+class DiscRecord(ctypes.Structure):
+    """`dermis_disc`."""
+
+    _fields_ = [
+        ("points", ctypes.c_int64),
+        ("positions", ctypes.c_void_p),
+        ("places", ctypes.c_void_p),
+        ("anchors", ctypes.c_void_p),
+        ("anchored", ctypes.c_void_p),
+        ("sticking", ctypes.c_void_p),
+        ("radius", ctypes.c_double),
+        ("rounding", ctypes.c_double),
+        ("friction", ctypes.c_double),
+        ("weight", ctypes.c_double),
+        ("margin", ctypes.c_double),
+        ("tolerance", ctypes.c_double),
+        ("most", ctypes.c_int64),
+        ("freedoms", ctypes.c_int64),
+        ("turning", ctypes.c_int64),
+        ("pose", ctypes.c_void_p),
+        ("count", ctypes.c_int64),
+        ("near", ctypes.c_void_p),
+        ("compliance", ctypes.c_void_p),
+        ("less", ctypes.c_void_p),
+        ("leading", ctypes.c_int64),
+        ("told", ctypes.c_void_p),
+        ("room", ctypes.c_void_p),
+        ("indices", ctypes.c_void_p),
+        ("gap", ctypes.c_void_p),
+        ("strays", ctypes.c_int64),
+        ("touching", ctypes.c_int64),
+        ("answer", ctypes.c_void_p),
+        ("moved", ctypes.c_void_p),
+        ("offset", ctypes.c_void_p),
+        ("status", ctypes.c_void_p),
+        ("residual", ctypes.c_double),
+        ("steps", ctypes.c_int64),
+        ("wrong", ctypes.c_int64),
+    ]
+
+
+class SettledRecord(ctypes.Structure):
+    """`dermis_settled`."""
+
+    _fields_ = [
+        ("points", ctypes.c_int64),
+        ("positions", ctypes.c_void_p),
+        ("anchors", ctypes.c_void_p),
+        ("anchored", ctypes.c_void_p),
+        ("compliance", ctypes.c_void_p),
+        ("less", ctypes.c_void_p),
+        ("pose", ctypes.c_void_p),
+        ("count", ctypes.c_int64),
+        ("near", ctypes.c_void_p),
+        ("width", ctypes.c_int64),
+        ("answer", ctypes.c_void_p),
+        ("status", ctypes.c_void_p),
+        ("moved", ctypes.c_void_p),
+        ("force", ctypes.c_void_p),
+        ("anchor", ctypes.c_void_p),
+        ("sticks", ctypes.c_void_p),
+        ("wrong", ctypes.c_int64),
+    ]
+
+
+# The records and their names in C, in the order of the layout.
 RECORDS: tuple[tuple[str, type[ctypes.Structure]], ...] = (
     ("tree", TreeRecord),
     ("body", BodyRecord),
@@ -445,6 +511,8 @@ RECORDS: tuple[tuple[str, type[ctypes.Structure]], ...] = (
     ("gaps", GapsRecord),
     ("friction", FrictionRecord),
     ("sums", SumsRecord),
+    ("disc", DiscRecord),
+    ("settled", SettledRecord),
 )
 
 

@@ -114,6 +114,24 @@
     FIELD(dermis_sums, gaps) FIELD(dermis_sums, status) FIELD(dermis_sums, bone) FIELD(dermis_sums, normal) \
     FIELD(dermis_sums, tangential) FIELD(dermis_sums, depth) FIELD(dermis_sums, slide) \
     FIELD(dermis_sums, sticking) FIELD(dermis_sums, slipping)
+#define DISC(FIELD) \
+    FIELD(dermis_disc, points) FIELD(dermis_disc, positions) FIELD(dermis_disc, places) \
+    FIELD(dermis_disc, anchors) FIELD(dermis_disc, anchored) FIELD(dermis_disc, sticking) \
+    FIELD(dermis_disc, radius) FIELD(dermis_disc, rounding) FIELD(dermis_disc, friction) \
+    FIELD(dermis_disc, weight) FIELD(dermis_disc, margin) FIELD(dermis_disc, tolerance) \
+    FIELD(dermis_disc, most) FIELD(dermis_disc, freedoms) FIELD(dermis_disc, turning) \
+    FIELD(dermis_disc, pose) FIELD(dermis_disc, count) FIELD(dermis_disc, near) FIELD(dermis_disc, compliance) \
+    FIELD(dermis_disc, less) FIELD(dermis_disc, leading) FIELD(dermis_disc, told) FIELD(dermis_disc, room) \
+    FIELD(dermis_disc, indices) FIELD(dermis_disc, gap) FIELD(dermis_disc, strays) FIELD(dermis_disc, touching) \
+    FIELD(dermis_disc, answer) FIELD(dermis_disc, moved) FIELD(dermis_disc, offset) FIELD(dermis_disc, status) \
+    FIELD(dermis_disc, residual) FIELD(dermis_disc, steps) FIELD(dermis_disc, wrong)
+#define SETTLED(FIELD) \
+    FIELD(dermis_settled, points) FIELD(dermis_settled, positions) FIELD(dermis_settled, anchors) \
+    FIELD(dermis_settled, anchored) FIELD(dermis_settled, compliance) FIELD(dermis_settled, less) \
+    FIELD(dermis_settled, pose) FIELD(dermis_settled, count) FIELD(dermis_settled, near) \
+    FIELD(dermis_settled, width) FIELD(dermis_settled, answer) FIELD(dermis_settled, status) \
+    FIELD(dermis_settled, moved) FIELD(dermis_settled, force) FIELD(dermis_settled, anchor) \
+    FIELD(dermis_settled, sticks) FIELD(dermis_settled, wrong)
 #define OFFSET(record, field) offsetof(record, field),
 #define NAME(record, field) " " #field
 
@@ -126,6 +144,7 @@ DERMIS_API const uint64_t *dermis_layout(void) {
         sizeof(dermis_patches), PATCHES(OFFSET) sizeof(dermis_pieces), PIECES(OFFSET) sizeof(dermis_points), POINTS(OFFSET)
         sizeof(dermis_drawn), DRAWN(OFFSET)
         sizeof(dermis_gaps), GAPS(OFFSET) sizeof(dermis_friction), FRICTION(OFFSET) sizeof(dermis_sums), SUMS(OFFSET)
+        sizeof(dermis_disc),  DISC(OFFSET)   sizeof(dermis_settled), SETTLED(OFFSET)
         UINT64_MAX,
     };
     return layout;
@@ -134,7 +153,8 @@ DERMIS_API const uint64_t *dermis_layout(void) {
 DERMIS_API const char *dermis_fields(void) {
     return "tree" TREE(NAME) " body" BODY(NAME) " query" QUERY(NAME) " contact" CONTACT(NAME) " posed" POSED(NAME)
            " survey" SURVEY(NAME) " law" LAW(NAME) " rest" REST(NAME) " patches" PATCHES(NAME) " pieces" PIECES(NAME)
-           " points" POINTS(NAME) " drawn" DRAWN(NAME) " gaps" GAPS(NAME) " friction" FRICTION(NAME) " sums" SUMS(NAME);
+           " points" POINTS(NAME) " drawn" DRAWN(NAME) " gaps" GAPS(NAME) " friction" FRICTION(NAME) " sums" SUMS(NAME)
+           " disc" DISC(NAME) " settled" SETTLED(NAME);
 }
 
 #if defined(__x86_64__)

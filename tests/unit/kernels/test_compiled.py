@@ -26,6 +26,7 @@ from tests.kernel_arrays import (
     Law,
     Pieces,
     Points,
+    Pressed,
     Rest,
     Survey,
     drawn,
@@ -34,6 +35,7 @@ from tests.kernel_arrays import (
     drawn_law,
     drawn_pieces,
     drawn_points,
+    drawn_pressed,
     drawn_rest,
     drawn_skin,
     drawn_survey,
@@ -66,12 +68,12 @@ def answers(own: ctypes.CDLL | RemoteLibrary) -> list[bytes]:
     return out
 
 
-def cases() -> list[Arrays | Contact | Friction | Survey | Law | Rest | Pieces | Points | DrawnSkin]:
+def cases() -> list[Arrays | Contact | Friction | Survey | Law | Rest | Pieces | Points | Pressed | DrawnSkin]:
     """Return arrays of all kinds for all functions."""
     surveys = [drawn_survey(seed) for seed in range(12)]
     tissue = [*map(drawn_law, range(20)), *map(drawn_rest, range(6))]
     pads = [*surveys, *map(drawn_pieces, range(6)), *map(drawn_points, range(8)), *map(drawn_skin, range(27))]
-    contacts = [*map(drawn_contact, range(20)), *map(drawn_friction, range(20))]
+    contacts = [*map(drawn_contact, range(20)), *map(drawn_friction, range(20)), *map(drawn_pressed, range(40))]
     return [*(drawn(seed) for seed in range(0, 40, 3)), *contacts, *tissue, *pads]
 
 
@@ -220,7 +222,14 @@ def sanitized(path: str, short: bool = False) -> None:
             indices = skin.corners if seed % 2 else skin.starts
             indices.flat[rng.integers(0, indices.size)] = rng.integers(-(2**31), 2**31)
         refused += any(skin.call(own))
-    assert 0 < refused < 800
+        pressed = drawn_pressed(seed)
+        for name in ("positions", "places", "anchors", "pose", "told", "compliance") if seed % 2 else ():
+            array = getattr(pressed, name)
+            array.flat[rng.integers(0, array.size)] = rng.choice(bad)
+        if seed % 3 == 0:
+            pressed.near[rng.integers(0, len(pressed.near))] = rng.integers(-(2**62), 2**62) % len(pressed.positions)
+        refused += any(pressed.call(own))
+    assert 0 < refused < 900
     print("tried; refused", refused)
 
 

@@ -23,8 +23,6 @@ from ..devices.disc import DiscContact
 from ..devices.disc_device import DiscDevice, scale_of, seated
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..devices.first_contact import first_contact
-from ..devices.inverse_kinematics import inverse_kinematics
-from ..devices.thimble import Thimble
 from ..errors import DermisError
 from ..skin.observation import Observer
 from ..skin.stimulus import Stimulus
@@ -495,8 +493,6 @@ class StressMatcher:
         return self.device.holds(x, limits.low, limits.high)
 
     def _angles(self, x: Array) -> Array:
-        if isinstance(self.device, Thimble):  # `joints` would also compute derivatives
-            return np.array(inverse_kinematics(self.device, *x.tolist())[0])
         return self.device.joints(x)[0]
 
     def _start_at(self, pitch: float, roll: float, depth: float) -> Array:

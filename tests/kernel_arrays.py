@@ -660,7 +660,7 @@ def drawn_friction(seed: int) -> Friction:
     return Friction(arrays)
 
 
-@dataclass
+@dataclass(eq=False)
 class Pressed:
     """A disc that presses on points of skin, and the step after it; the library gets every change before a call."""
 

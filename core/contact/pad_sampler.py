@@ -9,6 +9,7 @@ pad is near.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -46,7 +47,7 @@ class PadSampler:
 
     def __init__(self, scene: TactileScene, fingers: Collection[int] | None = None) -> None:
         self.renew(scene)
-        self._own = set(range(len(scene.fingers))) if fingers is None else set(fingers)
+        self._others = [] if fingers is None else [f for f in range(len(scene.fingers)) if f not in fingers]
         self._chunks: list[Chunk] = []
         self._first = self._count = 0  # range of the samples that are kept
         self._pairs: dict[tuple[int, int], PairRecord] = {}
@@ -154,18 +155,13 @@ class PadSampler:
         within = self._within(chunk, bodies, pads)
         self._skipped["pair_samples_far"] += total * (len(bodies) - len(within))
         for b, middle, half in self._boxes(chunk, bodies, boxes, within):
-            low = (middle - half).min(axis=0) - self._radius.longest
-            high = (middle + half).max(axis=0) + self._radius.longest
-            close = ((pads.min(axis=1) <= high) & (pads.max(axis=1) >= low)).all(axis=1).nonzero()[0]
-            near = [
-                (int(f), (np.abs(pads[f] - middle) <= half + self._radius.longest).all(axis=1).nonzero()[0])
-                for f in close
-                if int(f) in self._own
-            ]
-            near = [(f, index) for f, index in near if index.size]
-            self._skipped["pair_samples_far"] += total - sum(index.size for _, index in near)
-            if near:
-                self._narrow(b, chunk, fingers, bodies[b], near, own)
+            near = (np.abs(pads - middle) <= half + self._radius.longest).all(axis=2)
+            if self._others:
+                near[self._others] = False
+            who, samples = near.nonzero()
+            self._skipped["pair_samples_far"] += total - samples.size
+            if samples.size:
+                self._narrow(b, chunk, fingers, bodies[b], who, samples, own)
             elif b in chunk.surfaces:
                 self._skipped["surfaces_far"] += len(chunk.times)
         self._deforming.leave(chunk)
@@ -209,17 +205,14 @@ class PadSampler:
     # -- narrow phase --------------------------------------------------------------------------------------------
 
     def _narrow(
-        self,
-        b: int,
-        chunk: Chunk,
-        fingers: Array,
-        poses: Array,
-        near: list[tuple[int, NDArray[np.intp]]],
-        own: Array | None,
+        self, b: int, chunk: Chunk, fingers: Array, poses: Array, who: Indices, samples: Indices, own: Array | None
     ) -> None:
-        """Measure the gaps between one body and the pads that are near it."""
+        """Measure the gaps between one body and the pads that are near it.
+
+        `who` and `samples` are the fingers and the samples of these pads, ordered by finger and then by sample.
+        """
         single = len(chunk.times) == 1
-        near_samples = near[0][1] if single else np.unique(np.concatenate([index for _, index in near]))
+        near_samples = samples[:1] if single else np.unique(samples)
         linear = poses[near_samples, :3, :3]
         maps = linear[:1] if single or (linear == linear[0]).all() else linear
         rotation, flat = turns_of(maps)
@@ -227,26 +220,24 @@ class PadSampler:
             flat = np.broadcast_to(flat, len(linear))
             self._repairs.note("zero-scale", self._scene.bodies[b].name, chunk.frames[near_samples[flat]].tolist())
             near_samples, linear = near_samples[~flat], linear[~flat]
-            near = [(f, index[np.isin(index, near_samples)]) for f, index in near]
-            near = [(f, index) for f, index in near if index.size]
-            if not near:
+            there = np.isin(samples, near_samples)
+            who, samples = who[there], samples[there]
+            if not samples.size:
                 return
             maps, rotation = linear, rotation[~flat]
         turn = np.zeros((len(chunk.times), 3, 3))
         turn[near_samples] = rotation
         stretch = np.broadcast_to(turn_map_back(rotation, maps), linear.shape)
-        local = {f: turn_back(turn[i], fingers[f, i, :3, 3] - poses[i, :3, 3]) for f, i in near}
+        points = turn_back(turn[samples], fingers[who, samples, :3, 3] - poses[samples, :3, 3])
         last = self._chunks[-2] if len(self._chunks) > 1 else None
         before = None if last is None else (float(last.times[-1]), last.bodies[b, -1])
         rates = self._rates.of(b, chunk.times, poses, near_samples, stretch, before)
         for surface, group, velocity in self._surfaces(b, chunk, near_samples, stretch):
             if group.size == near_samples.size:
-                self._measure(b, surface, near, local, turn, fingers, velocity, own, rates)
+                self._measure(b, surface, who, samples, points, turn, fingers, velocity, own, rates)
                 continue
-            chosen = {f: np.isin(index, group) for f, index in near}
-            some = [(f, index[chosen[f]]) for f, index in near if chosen[f].any()]
-            points = {f: local[f][chosen[f]] for f, _ in some}
-            self._measure(b, surface, some, points, turn, fingers, velocity, own, rates)
+            some = np.isin(samples, group)
+            self._measure(b, surface, who[some], samples[some], points[some], turn, fingers, velocity, own, rates)
 
     def _surfaces(
         self, b: int, chunk: Chunk, near_samples: NDArray[np.intp], stretch: Array
@@ -289,8 +280,9 @@ class PadSampler:
         self,
         b: int,
         surface: Surface,
-        near: list[tuple[int, NDArray[np.intp]]],
-        local: dict[int, Array],
+        who: Indices,
+        samples: Indices,
+        points: Array,
         turn: Array,
         fingers: Array,
         velocity: Array | None,
@@ -299,21 +291,22 @@ class PadSampler:
     ) -> None:
         """Measure the gaps of all near pads to a surface, and store the samples at which it is within reach."""
         low, high = surface.box[0] - self._radius.longest, surface.box[1] + self._radius.longest
-        samples = np.concatenate([index for _, index in near])
-        who = np.repeat([f for f, _ in near], [index.size for _, index in near])
-        points = np.concatenate([local[f] for f, _ in near])
         inside = ((points >= low) & (points <= high)).all(axis=1)
-        self._skipped["pair_samples_far"] += int((~inside).sum())
-        if not inside.any():
+        outside = inside.size - np.count_nonzero(inside)
+        if outside:
+            self._skipped["pair_samples_far"] += outside
+            points, samples, who = points[inside], samples[inside], who[inside]
+        if not samples.size:
             return
-        points, samples, who = points[inside], samples[inside], who[inside]
         nearest = surface.query(points, self._radius.longest)
         if surface.closed:
+            up = fingers[who, samples, :3, 2]
+            nails = turn_back(turn[samples], up / np.sqrt(dot(up, up))[:, None])
             known = np.isfinite(nearest.gap)
-            for f, _ in near:
-                which = (known & (who == f)).nonzero()[0]
+            for f, part in _parts(who):
+                which = known[part].nonzero()[0] + part.start
                 if which.size:
-                    self._keep_side(self._pair(f, b), surface, nearest, which, points, samples, turn, fingers[f])
+                    self._keep_side(self._pair(f, b), surface, nearest, which, points, samples, nails)
         within_reach = np.isfinite(nearest.gap)
         if own_radius is not None:  # a chunk's longest radius must not lend others a touch that they lack alone
             within_reach &= (nearest.gap if surface.closed else np.abs(nearest.gap)) <= own_radius[who, samples]
@@ -322,8 +315,8 @@ class PadSampler:
             moving[within_reach] = _interpolated(surface, nearest, within_reach, velocity)
         if rates is not None and within_reach.any():
             moving[within_reach] += turned(rates[samples[within_reach]], nearest.point[within_reach])
-        for f, _ in near:
-            own = (within_reach & (who == f)).nonzero()[0]
+        for f, part in _parts(who):
+            own = within_reach[part].nonzero()[0] + part.start
             if own.size == 0:
                 continue
             index, gap, normal = samples[own], nearest.gap[own], nearest.normal[own]
@@ -356,8 +349,7 @@ class PadSampler:
         which: Indices,
         points: Array,
         samples: Indices,
-        turn: Array,
-        finger: Array,
+        nails: Array,
     ) -> None:
         """Correct the gaps to a closed surface for the side from which the finger came.
 
@@ -370,13 +362,12 @@ class PadSampler:
         for part in parts:
             if part.size == 0:
                 continue
-            up = finger[samples[part], :3, 2]
-            nails = turn_back(turn[samples[part]], up / np.sqrt(dot(up, up))[:, None])
+            own = nails.T[:, part].T  # directions that lie in memory as `turn_back` lays them
             first = int(pair.seen + 1 != self._count + samples[part[0]])
             if first:
-                pair.proxy.start(surface, nearest, int(part[0]), points[part[0]], nails[0])
+                pair.proxy.start(surface, nearest, int(part[0]), points[part[0]], own[0])
             if part.size > first:
-                pair.proxy.follow(surface, nearest, part[first:], points, nails[first:])
+                pair.proxy.follow(surface, nearest, part[first:], points, own[first:])
             pair.seen = self._count + int(samples[part[-1]])
 
     def _sides(
@@ -394,6 +385,14 @@ class PadSampler:
                 pair.side = surface.side_of(local[k] + BONE[2] * (turn[i].T @ up))
             side[k] = pair.side
         return side
+
+
+def _parts(who: Indices) -> Iterator[tuple[int, slice]]:
+    """Yield each finger of a rising list of fingers, with its part of the list."""
+    start = 0
+    for f, count in Counter(who.tolist()).items():
+        yield f, slice(start, start + count)
+        start += count
 
 
 def _interpolated(surface: Surface, nearest: GapQuery, within_reach: NDArray[np.bool_], velocity: Array) -> Array:

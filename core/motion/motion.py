@@ -61,10 +61,11 @@ class Motion:
             poses, turned = poses[usable], turned.reshape(count, n, 3, 3)[usable].reshape(-1, 3, 3)
         columns[:, :, :3] = poses[:, :, :3, 3].swapaxes(0, 1)
         columns[:, :, 3:] = continuous(quaternions(turned).reshape(len(usable), n, 4)).swapaxes(0, 1)
-        whole = Spline(times, columns.reshape(n, -1))
+        whole, firsts = Spline(times, columns.reshape(n, -1)), matrices(columns[0, :, 3:])
         for k, i in enumerate(usable):
             made[i] = motion = cls(whole.knots, poses[k], whole.part(slice(7 * k, 7 * k + 3)))
             motion._rotations = whole.part(slice(7 * k + 3, 7 * k + 7))
+            motion.at_first = np.ascontiguousarray(firsts[k])
         return made
 
     @cached_property

@@ -13,9 +13,10 @@ from ..arrays import Array
 
 def dot(a: Array, b: Array) -> Array:
     """Return the dot products of rows, shape (n,)."""
-    total: Array = a[:, 0] * b[:, 0]
-    for i in range(1, a.shape[1]):
-        total += a[:, i] * b[:, i]
+    first, *others = (a * b).T
+    total: Array = first.copy()
+    for part in others:
+        total += part
     return total
 
 
@@ -31,10 +32,11 @@ def scaled(vectors: Array, factor: float | Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Return the cross products of rows, shape (n, 3)."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
     out = np.empty((3, len(a)))
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.multiply(a[:, j], b[:, k], out=out[i])
-        out[i] -= a[:, k] * b[:, j]
+    for row, i, j, k, m in zip(out, (ay, az, ax), (bz, bx, by), (az, ax, ay), (by, bz, bx), strict=True):
+        np.multiply(i, j, out=row)
+        row -= k * m
     return out.T
 
 

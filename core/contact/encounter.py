@@ -43,6 +43,7 @@ class Encounter:
         self.finger, self.body, self.distance = finger, body, distance
         self._pad_contact = pad_contact
         self._pair: PairContact = pad_contact.pairs[finger, body]
+        self._known = np.isfinite(self._pair.gap)
 
     @cached_property
     def gap(self) -> Array:
@@ -65,7 +66,7 @@ class Encounter:
     @cached_property
     def any(self) -> bool:
         """Whether the pad ever touches."""
-        near = self._pair.gap[np.isfinite(self._pair.gap)]
+        near = self._pair.gap[self._known]
         farthest = self.distance.max() if isinstance(self.distance, np.ndarray) else self.distance
         return bool(near.size and near.min() <= farthest + DIP and self.touching.any())
 
@@ -148,10 +149,10 @@ class Encounter:
         if len(times) == 1:
             return np.full(len(t), gap[0])
         index, since = self._pad_contact.knots.piece(t)
-        start, end = gap[index], gap[index + 1]
-        known = np.isfinite(start) & np.isfinite(end)
-        if known.all():
+        if self._known.all():
             return self._hermite(index, since)
+        start, end = gap[index], gap[index + 1]
+        known = self._known[index] & self._known[index + 1]
         # Between a known and an unknown sample, the gap is known only at the former.
         out = np.where(since == 0.0, start, np.where(t == times[index + 1], end, np.inf))
         out[known] = self._hermite(index[known], since[known])
@@ -186,7 +187,7 @@ class Encounter:
 
     def _nearest(self, t: Array) -> NDArray[np.intp]:
         """Return the index of the nearest sample with a known gap for each time, shape (e,)."""
-        known = np.flatnonzero(np.isfinite(self._pair.gap))
+        known = np.flatnonzero(self._known)
         after = np.clip(np.searchsorted(self._pad_contact.times[known], t), 1, max(len(known) - 1, 1))
         if len(known) == 1:
             return np.full(len(t), known[0])
@@ -200,9 +201,8 @@ class Encounter:
         if len(self._pad_contact.times) == 1:
             return index, np.zeros(len(index))
         u = since / (self._pad_contact.times[index + 1] - self._pad_contact.times[index])
-        # If only one of the two samples is known, its value is used.
-        known = np.isfinite(self._pair.gap)
-        u = np.where(known[index + 1], np.where(known[index], u, 1.0), 0.0)
+        if not self._known.all():  # if only one of the two samples is known, its value is used
+            u = np.where(self._known[index + 1], np.where(self._known[index], u, 1.0), 0.0)
         return index, u
 
     def between(self, samples: Array) -> Array:

@@ -151,7 +151,7 @@ class PadContact:
         return self.keep(("centre", body), path)
 
     def series(self, owner: str, row: Parameter, constants: Mapping[str, Any], times: Array) -> float | Array:
-        """Return an animated parameter at times, shape (m,), or its constant value.
+        """Return an animated parameter at times, shape (m,), which is kept, or its constant value.
 
         Numbers are interpolated linearly. A switch keeps the value of each sample until the next.
 
@@ -161,14 +161,21 @@ class PadContact:
             constants: the owner's parameters that are not animated.
             times: times [s], shape (m,).
         """
-        values = self.animated.get(f"{owner}/{row.name}")
+        key = f"{owner}/{row.name}"
+        values = self.animated.get(key)
         if values is None:
             return float(constants.get(row.name, row.absent))
-        if (values == values[0]).all():
-            return float(values[0])
-        if row.numeric:
-            return np.interp(times, self.times, values)
-        return values[np.clip(np.searchsorted(self.times, times + 1e-9, side="right") - 1, 0, None)]
+        known: tuple[Array, float | Array] | None = self.kept.get((key, len(times)))
+        if known is None or not (known[0] is times or np.array_equal(known[0], times)):
+            found: float | Array
+            if (values == values[0]).all():
+                found = float(values[0])
+            elif row.numeric:
+                found = np.interp(times, self.times, values)
+            else:
+                found = values[np.clip(np.searchsorted(self.times, times + 1e-9, side="right") - 1, 0, None)]
+            known = self.kept[key, len(times)] = times, found
+        return known[1]
 
     def keep(self, key: Any, make: Callable[[], Any], times: Array | None = None) -> Any:
         """Return the result with a key, computed once; with `times`, again if these have changed."""

@@ -79,10 +79,12 @@ class EffectSum:
         self.contact = np.zeros(count, dtype=bool)
         self.held = np.zeros(count, dtype=bool)
         self._taps: list[Tap] = []
+        self._switches: dict[tuple[int, str], Any] = {}
 
     def add_body(self, b: int) -> None:
         """Add the effects of body `b` on the finger."""
-        if self.pad_contact.memory is not None and self._wants_content(b):
+        wants_content = self._wants_content(b)
+        if self.pad_contact.memory is not None and wants_content:
             self._content(b, np.zeros(0, dtype=np.intp))  # the content also moves while nobody holds the body
         met = meet(self.pad_contact, self.scene, self.finger, b, self.times)
         if met is None:
@@ -91,7 +93,7 @@ class EffectSum:
         self.contact |= met.touching
         self._add_transient(met, b)
         self._add_texture(met, b)
-        wants_weight, wants_content = self._wants_weight(b), self._wants_content(b)
+        wants_weight = self._wants_weight(b)
         if not wants_weight:
             self._skip("effects_off")
         if not wants_content:
@@ -306,10 +308,13 @@ class EffectSum:
 
     def _switch(self, b: int, effect: str) -> Any:
         """Return 1 where an effect is on for both the device and body `b`, else 0; None if it never is."""
-        on = (self._parameter(b, f"{effect}_on") > 0.5) & self._used(effect)
-        if not isinstance(on, np.ndarray):
-            return 1.0 if on else None
-        return on.astype(np.float64) if on.any() else None
+        if (b, effect) not in self._switches:
+            on = (self._parameter(b, f"{effect}_on") > 0.5) & self._used(effect)
+            if isinstance(on, np.ndarray):
+                self._switches[b, effect] = on.astype(np.float64) if on.any() else None
+            else:
+                self._switches[b, effect] = 1.0 if on else None
+        return self._switches[b, effect]
 
     def _used(self, effect: str) -> Any:
         """Return whether this device renders an effect, as one value or at each time, shape (n,)."""

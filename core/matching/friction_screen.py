@@ -64,9 +64,11 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
 
     paths = [screen_path(pad_contact, scene, finger, index, settings) for index in relevant]
     # Of several screens under one finger, the nearest counts. At equal distance it is the first in the scene's order.
-    distance = np.array([np.where(p.touching, np.abs(p.z), np.inf) for p in paths])
-    chosen = np.argmin(distance, axis=0)
-    contact = np.isfinite(distance).any(axis=0)
+    if len(paths) == 1:
+        chosen, contact = np.zeros(len(settings.times), np.intp), paths[0].touching
+    else:
+        distance = np.array([np.where(p.touching, np.abs(p.z), np.inf) for p in paths])
+        chosen, contact = np.argmin(distance, axis=0), np.isfinite(distance).any(axis=0)
 
     n = len(settings.times)
     threshold = settings.series("threshold")
@@ -80,19 +82,22 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
         for name, values in (("x", path.x), ("y", path.y), ("distance", path.z)):
             signals[name][mine] = values[mine]
         touching = mine & contact
-        if not touching.any():
+        count = np.count_nonzero(touching)
+        if not count:
             with settings.carry(("heading", index)):
                 pass  # no state is carried while the finger is off the screen
             continue
         with settings.carry(("heading", index)) as carry:
-            direction = directions(path.x, path.y, touching, spec.rate, window, path.resting, carry=carry)[touching]
+            direction = directions(path.x, path.y, touching, spec.rate, window, path.resting, carry=carry)
+        felt = touching if count < n else slice(None)  # a slice copies nothing
+        direction = direction[felt]
         relief = maps[index].relief(
-            path.x[touching],
-            path.y[touching],
+            path.x[felt],
+            path.y[felt],
             direction,
-            settings.times[touching],
-            scale=None if scale is None else scale[touching],
-            threshold=None if threshold is None else threshold[touching],
+            settings.times[felt],
+            scale=None if scale is None else scale[felt],
+            threshold=None if threshold is None else threshold[felt],
         )
         if settings.told:
             findings += _hole_findings(path.x, path.y, touching, settings.times, maps[index], scene, index)
@@ -104,7 +109,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
             ("height", relief.height),
             ("friction", relief.friction),
         ):
-            signals[name][touching] = values
+            signals[name][felt] = values
     values, driven = driven_values(signals["friction"], settings, device, spec, where)
     signals = {
         "contact": contact.astype(np.float64),

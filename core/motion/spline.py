@@ -110,22 +110,20 @@ class Spline:
         return part
 
     @cached_property
-    def _pieces(self) -> tuple[Array, Array, Array, Array]:
-        """Values, and coefficients of (t - t_i), its square and its cube.
-
-        Each has shape (k, n - 1).
-        """
+    def _pieces(self) -> Array:
+        """Values, and coefficients of (t - t_i), its square and its cube, shape (4, k, n - 1)."""
         if self._within is not None:
             whole, columns = self._within
-            value, slope, square, cube = (part[columns] for part in whole._pieces)
-            return value, slope, square, cube
+            return np.ascontiguousarray(whole._pieces[:, columns])
         times, values = self.times, self.values
         step = (times[1:] - times[:-1])[:, None]
         second = second_derivatives(self.knots, values)
         slope = (values[1:] - values[:-1]) / step - step * (2.0 * second[:-1] + second[1:]) / 6.0
-        parts = values[:-1], slope, second[:-1] / 2.0, (second[1:] - second[:-1]) / (6.0 * step)
-        value, slope, square, cube = (np.ascontiguousarray(p.T) for p in parts)
-        return value, slope, square, cube
+        out = np.empty((4, values.shape[1], len(step)))
+        out[0], out[1] = values[:-1].T, slope.T
+        np.divide(second[:-1].T, 2.0, out=out[2])
+        np.divide((second[1:] - second[:-1]).T, (6.0 * step).T, out=out[3])
+        return out
 
     def piece(self, t: Array) -> tuple[NDArray[np.intp], Array]:
         """Return the piece of each time, and the time since the piece began.
@@ -149,13 +147,15 @@ class Spline:
             raise ValueError("a spline has two derivatives")
         index, u = self.piece(t) if piece is None else piece
         # Horner's scheme, with the factors that come from differentiation.
-        out = self._pieces[3].take(index, axis=1)
+        parts = self._pieces[order:].take(index, axis=2)
+        out: Array = parts[-1]
         if order:
             out *= (1.0, 3.0, 6.0)[order]
-        for power in range(2, order - 1, -1):
+        for part, factor in zip(parts[-2::-1], ((1.0, 1.0, 1.0), (2.0, 1.0), (2.0,))[order], strict=True):
             out *= u
-            factor, part = ((1.0, 1.0, 1.0), (0.0, 1.0, 2.0), (0.0, 0.0, 2.0))[order][power], self._pieces[power]
-            out += part.take(index, axis=1) if factor == 1.0 else factor * part.take(index, axis=1)
+            if factor != 1.0:
+                part *= factor
+            out += part
         return out.T
 
 

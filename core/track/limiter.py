@@ -75,13 +75,14 @@ class Limiter:
         channels = self.spec.channels
         low = np.array([-np.inf if c.low is None else c.low for c in channels])
         high = np.array([np.inf if c.high is None else c.high for c in channels])
-        held = np.clip(self.values, low, high)
-        changed = np.count_nonzero(held != self.values, axis=0).tolist()
-        for i, (channel, count) in enumerate(zip(channels, changed, strict=True)):
+        beyond = (self.values < low) | (self.values > high)
+        some = np.count_nonzero(beyond) > 0
+        for i, channel in enumerate(channels):
+            count = int(np.count_nonzero(beyond[:, i])) if some else 0
             if channel.low is not None or channel.high is not None:
                 self._count(channel.name, "range", count)
             if count:
-                self.values[:, i] = held[:, i]
+                self.values[:, i] = np.clip(self.values[:, i], low[i], high[i])
 
     def disc(self) -> None:
         """Move values outside the round range of two channels to its rim.
@@ -116,10 +117,11 @@ class Limiter:
         if pair is not None:
             groups.append([pair[0], pair[1]])
         slews = np.array([np.inf if c.slew is None else c.slew for c in self.spec.channels])
-        leaps = start_at_rest or bool(_leaps(self.values, np.diff(self.times)[:, None] * slews).any())
+        steps = (self.times[1:] - self.times[:-1])[:, None] * slews
+        leaps = start_at_rest or bool(_leaps(self.values, steps).any())
         for group in groups:
             channels, own = [self.spec.channels[i] for i in group], slews[group]
-            if np.isinf(own).all():
+            if all(channel.slew is None or np.isinf(channel.slew) for channel in channels):
                 continue
             if not leaps:
                 for channel in channels:
@@ -180,4 +182,4 @@ def _leaps(target: Array, steps: Array) -> NDArray[np.bool_]:
         target: values, shape (n, columns).
         steps: largest change from each row to the next, shape (n - 1, columns).
     """
-    return np.asarray(np.abs(np.diff(target, axis=0)) > steps * (1 + SLEW_SLACK))
+    return np.asarray(np.abs(target[1:] - target[:-1]) > steps * (1 + SLEW_SLACK))

@@ -44,6 +44,7 @@ class Encounter:
         self._pad_contact = pad_contact
         self._pair: PairContact = pad_contact.pairs[finger, body]
         self._known = np.isfinite(self._pair.gap)
+        self._whole = bool(self._known.all())  # whether the gap is known at all samples
 
     @cached_property
     def gap(self) -> Array:
@@ -66,7 +67,7 @@ class Encounter:
     @cached_property
     def any(self) -> bool:
         """Whether the pad ever touches."""
-        near = self._pair.gap[self._known]
+        near = self._pair.gap if self._whole else self._pair.gap[self._known]
         farthest = self.distance.max() if isinstance(self.distance, np.ndarray) else self.distance
         return bool(near.size and near.min() <= farthest + DIP and self.touching.any())
 
@@ -149,7 +150,7 @@ class Encounter:
         if len(times) == 1:
             return np.full(len(t), gap[0])
         index, since = self._pad_contact.knots.piece(t)
-        if self._known.all():
+        if self._whole:
             return self._hermite(index, since)
         start, end = gap[index], gap[index + 1]
         known = self._known[index] & self._known[index + 1]
@@ -201,7 +202,7 @@ class Encounter:
         if len(self._pad_contact.times) == 1:
             return index, np.zeros(len(index))
         u = since / (self._pad_contact.times[index + 1] - self._pad_contact.times[index])
-        if not self._known.all():  # if only one of the two samples is known, its value is used
+        if not self._whole:  # if only one of the two samples is known, its value is used
             u = np.where(self._known[index + 1], np.where(self._known[index], u, 1.0), 0.0)
         return index, u
 
@@ -235,14 +236,14 @@ def turned_back(samples: MotionSamples, which: Which, vectors: Array) -> Array:
     """Turn vectors, shape (k, 3), from world axes to the axes of a moving frame at given samples."""
     if samples.turns:
         return turn_back(samples.rotation[which], vectors)
-    return vectors @ samples.rotation[0]
+    return vectors @ samples.at_first
 
 
 def turned(samples: MotionSamples, which: Which, vectors: Array) -> Array:
     """Turn vectors, shape (k, 3), from the axes of a moving frame at given samples to world axes."""
     if samples.turns:
         return turn(samples.rotation[which], vectors)
-    return vectors @ samples.rotation[0].T
+    return vectors @ samples.at_first.T
 
 
 def _relative_velocity(finger: MotionSamples, body: MotionSamples, which: Which = slice(None)) -> Array:

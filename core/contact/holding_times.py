@@ -62,7 +62,7 @@ def holding_times(
             theirs = None if other == finger else meet(pad_contact, scene, other, body, times)
             if theirs is not None:
                 holds |= own.touching & theirs.touching & _opposed(pad_contact, finger, other, body, times)
-    return holds if holds.any() else None
+    return holds if np.count_nonzero(holds) else None
 
 
 def _opposed(pad_contact: PadContact, finger: int, other: int, body: int, times: Array) -> NDArray[np.bool_]:

@@ -124,7 +124,7 @@ class PadSampler:
         if not self._chunks:
             raise DermisError("no samples", where=f"scene '{self._scene.name}'", remedy="Check the frame range")
         times = np.concatenate([c.times for c in self._chunks])
-        if not (np.diff(times) > 0.0).all():
+        if not (times[1:] > times[:-1]).all():
             raise DermisError("the samples' times do not rise", where=f"scene '{self._scene.name}'")
         frames = np.concatenate([c.frames for c in self._chunks])
         animated = self._repairs.animated(self._chunks, frames, self._scene)
@@ -216,7 +216,7 @@ class PadSampler:
         linear = poses[near_samples, :3, :3]
         maps = linear[:1] if single or (linear == linear[0]).all() else linear
         rotation, flat = turns_of(maps)
-        if flat.any():
+        if np.count_nonzero(flat):
             flat = np.broadcast_to(flat, len(linear))
             self._repairs.note("zero-scale", self._scene.bodies[b].name, chunk.frames[near_samples[flat]].tolist())
             near_samples, linear = near_samples[~flat], linear[~flat]

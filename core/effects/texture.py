@@ -124,7 +124,7 @@ def held_direction(velocity: Array, threshold: float | Array, before: Array | No
     """
     speed = np.sqrt(dot(velocity, velocity))
     moves = (speed >= threshold) & (speed > 0.0)
-    if moves.all():
+    if np.count_nonzero(moves) == moves.size:
         return scaled(velocity, 1.0 / speed)
     last = np.maximum.accumulate(np.where(moves, np.arange(len(speed)), -1))
     held = np.maximum(last, 0)
@@ -163,7 +163,7 @@ def coordinates(point: Array, normal: Array) -> Array:
     out = np.empty((len(point), 2))
     size = np.abs(normal)
     main = np.argmax(size, axis=1)
-    if (main == main[0]).all():
+    if np.count_nonzero(main == main[0]) == main.size:
         return _along(point, normal, int(main[0]))
     for axis in range(3):
         chosen = np.flatnonzero(main == axis)
@@ -182,4 +182,4 @@ def _along(point: Array, normal: Array, main: int) -> Array:
     # Along b, e2 = n x e1 has the component +-n_main / length. The point e1 u + e2 w has x_b = e1_b u + e2_b w.
     handed = -1.0 if (main, a, b) == (1, 0, 2) else 1.0
     second = (point[:, b] + n_a * n_b / length * first) * length / (handed * n_m)
-    return np.stack([first, second], axis=1)
+    return np.array([first, second]).T

@@ -105,7 +105,7 @@ class EffectSum:
             self._skip("bodies_never_held")
             return
         self.held |= holds
-        index = np.flatnonzero(holds)
+        index = holds.nonzero()[0]
         if wants_weight:
             self._add_world(index, self._weight(b, index) * self._weight_factor())
         if wants_content:
@@ -388,4 +388,4 @@ class EffectSum:
 
 def _ever(value: float | Array) -> bool:
     """Return whether a setting, one number or one for each time, is ever other than 0."""
-    return bool(value.any()) if isinstance(value, np.ndarray) else value != 0.0
+    return np.count_nonzero(value) > 0 if isinstance(value, np.ndarray) else value != 0.0

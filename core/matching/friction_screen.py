@@ -117,7 +117,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
         **signals,
     }
 
-    if not contact.any():
+    if not np.count_nonzero(contact):
         nearest = min(float(np.abs(p.z).min()) for p in paths)
         findings.append(
             Finding(

@@ -189,6 +189,8 @@ class ScreenMap:
     def _read(self, x: Array, y: Array, times: Array | None) -> Array:
         """Interpolate heights and both slopes at points and times, shape (3, n)."""
         count = len(self.heights)
+        if count == 1:
+            return bilinear((self.heights[0], *self._slopes_of(0)), self.size, x, y).astype(np.float64) + 0.0
         at = np.zeros(len(x)) if times is None else (times - self.start) * self.maps_per_second
         at = np.clip(at, 0.0, count - 1)
         first = np.floor(at)

@@ -119,8 +119,8 @@ def _resting(sampled: Array, local: Array, times: Array) -> NDArray[np.bool_]:
     """
     if len(sampled) < 2:
         return np.ones(len(times), bool)
-    chord = np.diff(local[:, :2], axis=0)
-    still = np.hypot(chord[:, 0], chord[:, 1]) <= STILL_SPEED * np.diff(sampled)
+    chord = local[1:, :2] - local[:-1, :2]
+    still = np.hypot(chord[:, 0], chord[:, 1]) <= STILL_SPEED * (sampled[1:] - sampled[:-1])
     middle = times - 0.5 * (times[1] - times[0] if len(times) > 1 else 0.0)
     return np.asarray(still[np.clip(np.searchsorted(sampled, middle) - 1, 0, len(still) - 1)])
 

@@ -53,7 +53,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
         position, slowed = within_speed(position, tactor.speed / spec.rate, carry.start)
         carry.found = position[carry.index]
     angles = np.zeros_like(position)
-    moved = np.flatnonzero(position.any(axis=1))
+    moved = (position != 0.0).any(axis=1).nonzero()[0]
     if moved.size:
         angles[moved] = tactor.inverse(position[moved])
     columns = {

@@ -57,7 +57,7 @@ class Motion:
         if not usable:
             return made
         columns = np.empty((n, len(usable), 7))
-        if flat.any():
+        if np.count_nonzero(flat):
             poses, turned = poses[usable], turned.reshape(count, n, 3, 3)[usable].reshape(-1, 3, 3)
         columns[:, :, :3] = poses[:, :, :3, 3].swapaxes(0, 1)
         columns[:, :, 3:] = continuous(quaternions(turned).reshape(len(usable), n, 4)).swapaxes(0, 1)
@@ -127,11 +127,16 @@ class MotionSamples:
         """Whether the rotation changes at all."""
         return not self._motion.rotations.still
 
+    @property
+    def at_first(self) -> Array:
+        """Object-to-world rotation matrix at the motion's first sample, shape (3, 3)."""
+        return self._motion.at_first
+
     @cached_property
     def rotation(self) -> Array:
         """Object-to-world rotation matrices, shape (m, 3, 3)."""
         if not self.turns:
-            return np.broadcast_to(self._motion.at_first, (len(self.times), 3, 3))
+            return np.broadcast_to(self.at_first, (len(self.times), 3, 3))
         return matrices(self._quaternion)
 
     @cached_property

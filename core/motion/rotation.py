@@ -26,7 +26,7 @@ def rotations(linear: Array) -> Array:
         DermisError: a map has no inverse, such as with scale 0.
     """
     out, flat = turns_of(linear)
-    if flat.any():
+    if np.count_nonzero(flat):
         raise DermisError("a pose of scale 0 has no direction", limit="a scale other than 0")
     return out
 
@@ -42,7 +42,7 @@ def turns_of(linear: Array) -> tuple[Array, NDArray[np.bool_]]:
     """
     unit, volume = _columns(linear)
     flat = ~(np.abs(volume) > SINGULAR)
-    if flat.any():
+    if np.count_nonzero(flat):
         out = np.zeros(linear.shape)
         out[~flat] = turns_of(linear[~flat])[0]
         return out, flat
@@ -50,7 +50,7 @@ def turns_of(linear: Array) -> tuple[Array, NDArray[np.bool_]]:
     side = np.sign(volume)
     unit *= side
     out = unit.transpose(2, 0, 1)
-    sheared = np.flatnonzero(skew > ORTHOGONAL)
+    sheared = (skew > ORTHOGONAL).nonzero()[0]
     if sheared.size:
         left, _, right = np.linalg.svd(linear[sheared])
         out[sheared] = left @ right * side[sheared, None, None]

@@ -42,7 +42,7 @@ class Limiter:
         Before the first finite value of a channel, its rest value is used.
         """
         finite = np.isfinite(self.values)
-        if finite.all():
+        if np.count_nonzero(finite) == finite.size:
             return
         rows = np.arange(len(self.values))
         for i, channel in enumerate(self.spec.channels):
@@ -96,7 +96,7 @@ class Limiter:
         x, y = self.values[:, i], self.values[:, j]
         reach = np.hypot(x, y)
         outside = reach > radius
-        if not outside.any():
+        if not np.count_nonzero(outside):
             for column in (i, j):
                 self._count(self.spec.channels[column].name, "disc", 0)
             return
@@ -118,7 +118,7 @@ class Limiter:
             groups.append([pair[0], pair[1]])
         slews = np.array([np.inf if c.slew is None else c.slew for c in self.spec.channels])
         steps = (self.times[1:] - self.times[:-1])[:, None] * slews
-        leaps = start_at_rest or bool(_leaps(self.values, steps).any())
+        leaps = start_at_rest or np.count_nonzero(_leaps(self.values, steps)) > 0
         for group in groups:
             channels, own = [self.spec.channels[i] for i in group], slews[group]
             if all(channel.slew is None or np.isinf(channel.slew) for channel in channels):

@@ -155,7 +155,8 @@ class PadSampler:
         within = self._within(chunk, bodies, pads)
         self._skipped["pair_samples_far"] += total * (len(bodies) - len(within))
         for b, middle, half in self._boxes(chunk, bodies, boxes, within):
-            near = (np.abs(pads - middle) <= half + self._radius.longest).all(axis=2)
+            inside = np.abs(pads - middle) <= half + self._radius.longest
+            near: NDArray[np.bool_] = np.logical_and.reduce(inside, axis=2)
             if self._others:
                 near[self._others] = False
             who, samples = near.nonzero()
@@ -292,7 +293,7 @@ class PadSampler:
         """Measure the gaps of all near pads to a surface, and store the samples at which it is within reach."""
         low, high = surface.box[0] - self._radius.longest, surface.box[1] + self._radius.longest
         inside = ((points >= low) & (points <= high)).all(axis=1)
-        outside = inside.size - np.count_nonzero(inside)
+        outside = inside.size - int(np.count_nonzero(inside))
         if outside:
             self._skipped["pair_samples_far"] += outside
             points, samples, who = points[inside], samples[inside], who[inside]

@@ -388,4 +388,4 @@ class EffectSum:
 
 def _ever(value: float | Array) -> bool:
     """Return whether a setting, one number or one for each time, is ever other than 0."""
-    return np.count_nonzero(value) > 0 if isinstance(value, np.ndarray) else value != 0.0
+    return bool(np.count_nonzero(value)) if isinstance(value, np.ndarray) else value != 0.0

@@ -89,7 +89,7 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
             continue
         with settings.carry(("heading", index)) as carry:
             direction = directions(path.x, path.y, touching, spec.rate, window, path.resting, carry=carry)
-        felt = touching if count < n else slice(None)  # a slice copies nothing
+        felt: NDArray[np.bool_] | slice = touching if count < n else slice(None)  # a slice copies nothing
         direction = direction[felt]
         relief = maps[index].relief(
             path.x[felt],

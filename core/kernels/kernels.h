@@ -23,8 +23,8 @@
 enum {
     DERMIS_DONE = 0,
     DERMIS_BAD_RECORD = 1,   /* a count, a depth or an index has an impossible value */
-    DERMIS_NOT_FINITE = 2    /* a number is not finite, a coefficient is negative, or a triangle's area has no finite
-                                square above zero; the record's field `wrong`, if there is one, is the index */
+    DERMIS_NOT_FINITE = 2    /* a number is not finite, a coefficient is negative, or the square of a triangle's area is
+                                zero or not finite; the record's field `wrong`, if there is one, is the index */
 };
 
 /* Largest number of earlier pairs of sweeps from which `dermis_sweep` extrapolates. */
@@ -57,7 +57,8 @@ typedef struct {
     float *boxes;           /* see above ((4^depth - 1) / 3 + blocks, DERMIS_BOXES) */
     double middle[3];       /* out: centre of the triangles' bounding box [m] */
     double scale;           /* out: longest side of that box [m] */
-    double largest;         /* largest absolute coordinate [m]: out; if `packed` is null, in, and it may be larger */
+    double largest;         /* largest absolute coordinate [m]: out. If `packed` is null: in, and an upper bound is
+                               enough */
     int64_t wrong;          /* out: index of the triangle that was refused */
 } dermis_tree;
 
@@ -79,14 +80,15 @@ typedef struct dermis_body {
     const int8_t *edge_kind;    /* DERMIS_REGULAR, DERMIS_BOUNDARY or DERMIS_IRREGULAR (total, 3) */
     const int8_t *vertex_kind;  /* the same for vertices (vertices) */
     const int64_t *part;        /* index of one triangle of each part (parts) */
-    const double *slab;         /* unit vector (3), and the body's least and largest coordinate along it [m]; the first
-                                   three are the body's box (slabs, 5) */
+    const double *slab;         /* unit vector (3), and the body's least and largest coordinate along it [m] (slabs, 5);
+                                   the first three slabs are the body's box */
     double *normals;            /* pseudonormals of the vertices (vertices, 3); null: they are summed when they are
                                    needed */
 } dermis_body;
 
-/* Kinds of edges and vertices. REGULAR: two faces that agree about the outside. BOUNDARY: one face. IRREGULAR: all
-   others. */
+/* Kinds of edges. REGULAR: two faces that agree about the outside. BOUNDARY: one face. IRREGULAR: all others. A vertex
+   is BOUNDARY if it has a BOUNDARY edge. Otherwise it is IRREGULAR if it has an IRREGULAR edge, or if sheets of faces
+   meet in this vertex only. Otherwise it is REGULAR. */
 enum { DERMIS_REGULAR = 0, DERMIS_BOUNDARY = 1, DERMIS_IRREGULAR = 2 };
 
 /* Points, and their signed distances to a body.
@@ -137,8 +139,9 @@ typedef struct {
     const int64_t *nodes;    /* indices of these nodes, in ascending order (given) */
     double *room;            /* workspace: 9 DERMIS_KEPT + 12 doubles per given node; if not all nodes are given, also
                                 14 doubles per given node and the part of C between given nodes */
-    double residual;         /* out: |f - P(f - w / own)| / |f|, where own is the mean of the three diagonal compliances
-                                of a node; infinite if there is no finite result */
+    double residual;         /* out: |f - p| / max(|f|, |p|); infinite if there is no finite result. p is f - w / own,
+                                without tension and with the tangential force shortened to the friction limit. own is
+                                the mean of a node's three diagonal compliances, softness included */
     int64_t sweeps;          /* out: number of sweeps done */
     int64_t missed;          /* out: 1 if a node that is not given penetrates */
     int64_t wrong;           /* out: index of the node that was refused */
@@ -165,9 +168,11 @@ typedef struct {
     double limit;                /* bodies farther away than this are not found [m] */
     int64_t roots, levels;       /* number of roots, which are the cells of level 0 and come first; number of levels */
     int64_t squares;             /* number of finest squares in a root */
-    const int64_t *first;        /* first cell for each number of halvings of both sides, -1 if none (levels, levels) */
-    const int64_t *ways;         /* possible direction of division for each number of halvings and wanted direction, 0
-                                    if none (levels, levels, 4) */
+    const int64_t *first;        /* first cell with given numbers of halvings of its two sides, -1 if none (levels,
+                                    levels) */
+    const int64_t *ways;         /* direction in which a cell can be divided in place of the wanted one, by the numbers
+                                    of halvings of its two sides and the wanted direction; 0 if none (levels, levels,
+                                    4) */
     const int64_t *root;         /* root that contains each cell (cells) */
     const int64_t *halved;       /* number of halvings of each side (cells, 2) */
     const int64_t *place;        /* position in the root, in cells of the same size (cells, 2) */
@@ -195,8 +200,8 @@ typedef struct {
     int64_t most;                /* capacity of the arrays below; 4 per root are enough if `coarsest` is at most 1 */
     int64_t *room;               /* workspace (2, most) */
     double *afar;                /* workspace (roots, 3) */
-    int64_t finest;              /* largest number of times that a side may be halved; in: in the last survey; out: in
-                                    this one */
+    int64_t finest;              /* largest number of times that a side may be halved. In: that of the last survey; out:
+                                    that of this one */
     int64_t found, cut, edges;   /* out: number of cells that may touch, and of divided cells; 1 if an edge is near a
                                     cell that may be divided, else 0 */
     int64_t *leaves;             /* out: cells that may touch (found) */
@@ -220,7 +225,7 @@ typedef struct {
     float *force;           /* out: forces that hold the displacement (nodes, 3) [N]; null: not computed */
     double *stress;         /* out: Cauchy stress xx, yy, zz, yz, xz, xy (elements, 6) [Pa]; null: not computed */
     int64_t stored;         /* 1: compute the whole of `energy` */
-    double energy;          /* out: strain energy [J]; without `stored`, only the part of the nodes */
+    double energy;          /* out: strain energy [J]; without `stored`, only its sum over the nodes */
     double flattest;        /* out: the least J of the elements */
 } dermis_law;
 

@@ -81,7 +81,7 @@ class SampleTable:
         )
         if not shapes or n == 0:
             raise DermisError(
-                "a table needs x (n, 3), memory (n, q), channels (n, c) and trajectory (n,)",
+                "a table needs x (n, 3) or (n, 6), memory (n, q), channels (n, c) and trajectory (n,)",
                 where="sample table",
                 value=f"{self.x.shape}, {self.memory.shape}, {self.channels.shape}, {self.trajectory.shape}",
             )
@@ -130,7 +130,8 @@ def relative_rms(fit: Fit, table: SampleTable) -> float:
 def movement_errors(fit: Fit, table: SampleTable) -> Array:
     """Return the relative RMS error of a fit in each movement.
 
-    This is the RMS error of the movement, divided by the RMS of all channels about their mean; shape (movements,).
+    This is the RMS error of the movement, divided by the RMS of the channels about their mean in the whole table; shape
+    (movements,).
     """
     miss = ((fit.predict(table.inputs) - table.channels) ** 2).sum(axis=1)
     spread = ((table.channels - table.channels.mean(axis=0)) ** 2).sum(axis=1).mean()

@@ -48,8 +48,9 @@ void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, double
         const dermis_posed *one = posed + b;
         double gap, out[3], farthest = dermis_most(best, 0.0);
         /* behind an open sheet, or in a body that is inside out, a point is found only within the distance that is
-           searched: it must not be a cell's own limit, since skin may be deep in a soft sheet */
-        if (one->body != NULL && (one->body->outside < 0 || !one->body->closed)) farthest = dermis_most(limit, behind);
+           searched: do not reduce it; skin may be deep in a soft one */
+        if (one->body != NULL && (one->body->outside < 0 || !one->body->closed))
+            farthest = one->softness > 0.0 ? dermis_most(limit, behind) : limit;
         int64_t slot = b == before ? hint : -1, on = measure(one, x, farthest, &slot, &gap, out);
         if (on < 0) continue;
         if (one->body != NULL && dermis_dot(out, inward) < OPPOSITE) {

@@ -18,8 +18,8 @@ typedef struct {
 
    The far side of a thin body is ignored, even if the skin is pressed in so far that this side is closer.
 
-   limit: largest distance outside a body [m]. behind: how far behind an open sheet a point is found, if this is more
-   than the limit [m]. inward: unit vector into the finger at x (3). sight: in, a hint, see `slot`; out, the result. */
+   limit: largest distance outside a body [m]. behind: how far behind a soft open sheet a point is found, if this is
+   more than the limit [m]. inward: unit vector into the finger at x (3). sight: in, a hint, see `slot`; out, the result. */
 void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, double behind, const double *x, const double *inward, dermis_sight *sight);
 
 /* Whether one flat face of a closed body is all that is within a radius [m] of a point x of the skin [m].

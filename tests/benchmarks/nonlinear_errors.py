@@ -104,7 +104,7 @@ def _followed(tissue: str) -> Measured:
                     path.move,
                     frame.depth,
                     frame.slide,
-                    step.slide,
+                    step.sums.slide,
                     difference(stress, frame.stress, skin.mesh.volumes),
                     float(np.linalg.norm(felt.resultant - total) / np.linalg.norm(total)),
                     step.solution.converged,

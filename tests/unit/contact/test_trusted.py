@@ -42,7 +42,7 @@ def drawn(skin: SkinModel, rise: float, across: float, mode: str = "animated") -
     slides = []
     for frame, (x, z) in enumerate(deep + slid):
         body = ContactBody(block, np.eye(3), np.array([x, 0.0, z]), friction=0.8)
-        slides.append(bone.step([body], float(frame)).step.slide)
+        slides.append(bone.step([body], float(frame)).step.sums.slide)
     return np.array(slides), bone.solver.findings + bone.findings
 
 

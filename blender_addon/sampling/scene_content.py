@@ -130,6 +130,7 @@ def steps(scene: bpy.types.Scene) -> Generator[None, None, Content]:
 
     Between two steps nothing may be removed from the file.
     """
+    _plan.cache_clear()  # other add-ons may have declared properties, or taken them away
     found: dict[int, Part] = {}
     weighted: set[int] = set()
     seen = {scene.session_uid}
@@ -376,12 +377,12 @@ class _Reader:
         self._say(type(struct).__name__)
         pointer = mark[0]
         for name, kind in _plan_of(type(struct)):
-            value = getattr(struct, name)
+            value = getattr(struct, name, None)  # None of an add-on that was disabled since the types were looked at
             if kind == "POINTER":
                 self._pointer(name, value, root)
             elif kind == "COLLECTION":
-                self._say(name, len(value))
-                for item in value:
+                self._say(name, len(value or ()))
+                for item in value or ():
                     self._pointer("", item, root)
             elif not self._animated or not self._is_animated(pointer, name, value):
                 if name == "hide_render" and value and self._hidden_by_film(struct):

@@ -167,6 +167,19 @@ def test_what_cannot_be_felt_is_no_change(rich: Any, change: str) -> None:
     assert content() == before
 
 
+def test_an_add_on_that_is_enabled_or_disabled_meanwhile_stops_no_reading(rich: Any) -> None:
+    """Its properties of Blender's types come and go; what they said is a change."""
+    bpy.types.Object.of_another = bpy.props.CollectionProperty(type=bpy.types.PropertyGroup)
+    bpy.types.Object.number_of_another = bpy.props.FloatProperty()
+    before, uid = content(), rich.session_uid
+    own = same_inputs.of(bpy.context.scene).content[uid]
+    assert scene_content.part(uid, own) == own
+    del bpy.types.Object.of_another, bpy.types.Object.number_of_another
+    assert scene_content.part(uid, own) != own, "the types were looked at before"
+    without = content()
+    assert content() == without != before
+
+
 def test_a_large_scene_is_read_in_short_pieces() -> None:
     side = 400
     x, y = np.meshgrid(np.arange(side), np.arange(side))

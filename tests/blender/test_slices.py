@@ -151,7 +151,7 @@ def test_a_coarse_frame_that_is_visited_again_is_made_good_too(hands, monkeypatc
     monkeypatch.setattr(slices, "rest", lambda: 1e9)
     for frame in (32, 35, 32):
         step(hands, frame)
-    assert skin_preview.coarse() and skin_preview.own(hands)[0].note.startswith("live, as it was played")
+    assert skin_preview.coarse() and skin_preview.own(hands)[0].note.startswith("live, as played")
     monkeypatch.setattr(slices, "rest", lambda: 0.0)
     shown._slices._on_rest()
     assert not skin_preview.coarse()

@@ -23,30 +23,6 @@ from core.surface.topology import Topology
 from core.surface.triangles import TriangleTable
 from tests.problems import cube_mesh
 
-FUNCTIONS = (
-    "dermis_tree_split",
-    "dermis_tree_fit",
-    "dermis_body_fit",
-    "dermis_body_judge",
-    "dermis_distances",
-    "dermis_sweep",
-    "dermis_find_cells",
-    "dermis_evaluate_law",
-    "dermis_rest_solve",
-    "dermis_press_pieces",
-    "dermis_number_points",
-    "dermis_draw_skin",
-    "dermis_node_gaps",
-    "dermis_expect",
-    "dermis_offset",
-    "dermis_foresee",
-    "dermis_keep",
-    "dermis_drift",
-    "dermis_sum",
-    "dermis_press_disc",
-    "dermis_settle_disc",
-)
-
 GIVEN = "compliance", "offset", "normals", "friction", "softness", "force"  # of a contact
 
 
@@ -588,15 +564,17 @@ def drawn_skin(seed: int) -> DrawnSkin:
 def opened(path: Path) -> ctypes.CDLL:
     """Load a library of kernels as it is."""
     library = ctypes.CDLL(str(path))
-    for name in FUNCTIONS:
+    for name in records.HEADER.functions:
         getattr(library, name).argtypes = (ctypes.c_void_p,)
     return library
 
 
 def gcc(out: Path, *flags: str) -> list[str]:
     """Return the command by which gcc makes a library of the sources, and of others among the flags."""
-    files = [str(path) for path in building.sources() if path.suffix == ".c"]
-    return ["gcc", *building.FLAGS, "-fPIC", building.defined(), *flags, "-o", str(out), *files]
+    made = out.with_name("described.c")
+    made.write_text(building.described())
+    files = [str(path) for path in (*building.sources(), made) if path.suffix == ".c"]
+    return ["gcc", *building.FLAGS, "-fPIC", f"-I{building.FOLDER}", *flags, "-o", str(out), *files]
 
 
 @dataclass(eq=False)

@@ -616,6 +616,7 @@ OWN = {
     "blender_addon.comparison.told:find": "its own child's answer",
     "core.comparison.job:_encoded": "its own words; scenes and presets have readers in the table",
     "core.kernels.building:_compiled": "writes",
+    "core.kernels.building:declared": "its own sources",
     "core.kernels.building:digest": "its own sources",
     "core.kernels.building:whole": "whole by its digest, or not there",
     "core.kernels.library:loaded_copy": "writes; its original is whole by its digest",

@@ -1,8 +1,9 @@
-"""Build of the kernels: sources, flags, platforms and file names.
+"""Build of the kernels: sources, their interface, flags, platforms and file names.
 
 This module needs only the standard library. `build_addon.py` (any Python from 3.8 on) and pip (`setuptools_hook.py`)
-build with it, and `library.py` gets the file's name from it. The compiler is that of Zig, from the package `ziglang`:
-it builds the libraries for all platforms on each of them, so no other compiler is needed.
+build with it, `library.py` gets the file's name from it, and `records.py` the fields of the records. The compiler is
+that of Zig, from the package `ziglang`: it builds the libraries for all platforms on each of them, so no other compiler
+is needed.
 
 A library's name contains a digest of sources and flags, and a digest of its content. So a library of other sources is
 never used, and a damaged one is never loaded.
@@ -13,6 +14,8 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import re
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,8 +57,49 @@ TARGETS = {
 }
 
 
+# Forms of what `kernels.h` declares; the parts of an enum are constants, and those of a record are fields.
+STATEMENT = re.compile(
+    r"\s*(?:enum\s*\{(?P<constants>[^{}]*)\}"
+    r"|typedef\s+struct(?:\s+\w+)?\s*\{(?P<fields>[^{}]*)\}\s*dermis_(?P<record>\w+)"
+    r"|DERMIS_API\s+[\w\s]+\*?\b(?P<function>dermis_\w+)\((?P<argument>[^()]*)\))\s*;"
+)
+CONSTANT = re.compile(r"DERMIS_(\w+) = (\d+)")
+FIELD = re.compile(
+    r"(?:const )?(?:struct )?(\w+ \*)(\w+(?:, \*\w+)*)"
+    r"|(int64_t|double) (\w+(?:\[\d+\])?(?:, \w+(?:\[\d+\])?)*)"
+)
+
+
 class NotBuilt(Exception):
     """Error: the library was not built. The message is a sentence with the reason."""
+
+
+class Field(NamedTuple):
+    """A field of a record.
+
+    Attributes:
+        name: name in C.
+        type: 'int64_t', 'double', or the type of a pointer, such as 'float *'.
+        length: length of an array of numbers; 1 for any other field.
+    """
+
+    name: str
+    type: str
+    length: int
+
+
+class Header(NamedTuple):
+    """Content of `kernels.h`.
+
+    Attributes:
+        constants: values by their names without the prefix 'DERMIS_'.
+        records: fields by the names of the records without the prefix 'dermis_'.
+        functions: names of the functions that take a record.
+    """
+
+    constants: dict[str, int]
+    records: dict[str, list[Field]]
+    functions: list[str]
 
 
 def this_platform() -> str:
@@ -112,9 +156,89 @@ def whole(path: Path) -> bool:
         return False
 
 
-def defined() -> str:
-    """Return the compiler flag that puts the digest into the library."""
-    return f'-DDERMIS_SOURCES="{digest()}"'
+def declared() -> Header:
+    """Return the content of `kernels.h`.
+
+    Raises:
+        NotBuilt: a declaration has an unknown form. The message has its line and its text.
+    """
+    parts = (part.rpartition("*/") for part in (FOLDER / "kernels.h").read_text(encoding="utf-8").split("/*"))
+    text = "".join("\n" * comment.count("\n") + code for comment, _, code in parts)
+    text = re.sub(r"^#.*", "", text, flags=re.MULTILINE)
+    found, at, end = Header({}, {}, []), 0, len(text.rstrip())
+    while at < end:
+        statement = STATEMENT.match(text, at)
+        if statement is None:
+            raise _unknown(text, at, text[at:].partition(";")[0])
+        at = statement.end()
+        if statement["constants"] is not None:
+            constants = _parts(text, statement, "constants", ",", CONSTANT)
+            found.constants.update((name, int(value)) for name, value in constants)
+        elif statement["record"]:
+            fields = found.records[statement["record"]] = []
+            for pointer, pointers, number, numbers in _parts(text, statement, "fields", ";", FIELD):
+                for name in (pointers or numbers).split(", "):
+                    name, _, length = name.lstrip("*").partition("[")
+                    fields.append(Field(name, pointer or number, int(length.rstrip("]") or 1)))
+        elif statement["argument"] != "void":
+            found.functions.append(statement["function"])
+    return found
+
+
+def _parts(text: str, statement: re.Match[str], group: str, end: str, form: re.Pattern[str]) -> Iterator[Sequence[str]]:
+    at = statement.start(group)
+    for part in statement[group].split(end):
+        words = " ".join(part.split())
+        match = form.fullmatch(words)
+        if match is not None:
+            yield match.groups()
+        elif words:
+            raise _unknown(text, at, part)
+        at += len(part) + 1
+
+
+def _unknown(text: str, at: int, part: str) -> NotBuilt:
+    line = 1 + text.count("\n", 0, at + len(part) - len(part.lstrip()))
+    return NotBuilt(
+        f"kernels.h, line {line}: this declaration has an unknown form: {' '.join(part.split())}; the forms are in "
+        "core/kernels/building.py"
+    )
+
+
+def layout(header: Header) -> dict[str, int]:
+    """Return the values of constants, sizes and offsets, by their expressions in C.
+
+    Every number and pointer takes 8 bytes, so a record has no gaps.
+    """
+    values = {f"DERMIS_{name}": value for name, value in header.constants.items()}
+    for record, fields in header.records.items():
+        at = 0
+        for field in fields:
+            values[f"offsetof(dermis_{record}, {field.name})"] = at
+            at += 8 * field.length
+        values[f"sizeof(dermis_{record})"] = at
+    return values
+
+
+def of_layout(values: dict[str, int]) -> str:
+    """Return the digest of a layout, 16 hexadecimal digits."""
+    return of_content(repr(sorted(values.items())).encode())
+
+
+def described() -> str:
+    """Return the C source that puts both digests into a library.
+
+    The compiler checks that records and constants are as `declared` has read them.
+
+    Raises:
+        NotBuilt: see `declared`.
+    """
+    values = layout(declared())
+    lines = ['#include "kernels.h"']
+    lines += [f'_Static_assert({name} == {value}, "building.py reads it otherwise");' for name, value in values.items()]
+    for name, told in (("sources", digest()), ("layout", of_layout(values))):
+        lines.append(f'DERMIS_API const char *dermis_{name}(void) {{ return "{told}"; }}')
+    return "\n".join(lines) + "\n"
 
 
 def build(target: str, folder: Path, zig: list[str], cache: Path | None = None) -> Path:
@@ -157,8 +281,10 @@ def _compiled(target: str, folder: Path, zig: list[str], cache: Path | None) -> 
     of = TARGETS[target]
     with tempfile.TemporaryDirectory(prefix=".part-", dir=folder) as scratch:
         part = Path(scratch) / f"dermis{of.suffix}"
-        command = [*zig, "cc", "-target", of.triple, f"-mcpu={of.processor}", *FLAGS, *of.flags, "-s", defined()]
-        command += ["-o", str(part), *(source.name for source in sources() if source.suffix == ".c")]
+        made = Path(scratch) / "described.c"
+        made.write_text(described(), encoding="utf-8")
+        command = [*zig, "cc", "-target", of.triple, f"-mcpu={of.processor}", *FLAGS, *of.flags, "-s", "-I."]
+        command += ["-o", str(part), *(source.name for source in sources() if source.suffix == ".c"), str(made)]
         kept = str(cache or scratch)
         variables = {**os.environ, "ZIG_GLOBAL_CACHE_DIR": kept, "ZIG_LOCAL_CACHE_DIR": kept}
         try:

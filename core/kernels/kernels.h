@@ -2,16 +2,15 @@
 
    Python allocates every array and passes one record to each call. The library allocates nothing and keeps nothing
    between calls. It needs no mathematical library: square root and absolute value are instructions of the processors
-   for which it is built. core/kernels/records.py mirrors the records. The loader compares both by `dermis_layout` and
-   `dermis_fields`. */
+   for which it is built.
+
+   `declared` of core/kernels/building.py reads this file, records.py makes the records of Python from it, and the
+   compiler checks what was read. The fields of a record are int64_t, double, arrays of these, and pointers. */
 #ifndef DERMIS_KERNELS_H
 #define DERMIS_KERNELS_H
 
 #include <stddef.h>
 #include <stdint.h>
-
-/* Version of the interface. Increase it if the meaning of a function changes while the layouts of all records stay. */
-#define DERMIS_ABI 4
 
 #if defined(_WIN32)
 #define DERMIS_API __declspec(dllexport)
@@ -19,6 +18,9 @@
 #define DERMIS_API __attribute__((visibility("default")))
 #endif
 #define DERMIS_NOINLINE __attribute__((noinline))
+
+/* Version of the interface. Increase it if the meaning of a function changes while the layouts of all records stay. */
+enum { DERMIS_ABI = 4 };
 
 enum {
     DERMIS_DONE = 0,
@@ -543,12 +545,8 @@ DERMIS_API int32_t dermis_settle_disc(dermis_settled *step);
 /* Return 1 if this processor and its operating system support AVX2, else 0. */
 DERMIS_API int32_t dermis_has_avx2(void);
 
-/* Return DERMIS_ABI, ROW, LANES, BOXES and KEPT, then size and offsets of each record; the last number is
-   UINT64_MAX. */
-DERMIS_API const uint64_t *dermis_layout(void);
-
-/* Return the names of the records and their fields in the order of `dermis_layout`, separated by spaces. */
-DERMIS_API const char *dermis_fields(void);
+/* Return the digest of the constants and of the records' layouts. */
+DERMIS_API const char *dermis_layout(void);
 
 /* Return the digest of the sources and flags from which the library was built. */
 DERMIS_API const char *dermis_sources(void);

@@ -49,8 +49,7 @@ class Kernels:
         self.path = path
         try:
             library = ctypes.CDLL(str(path))
-            library.dermis_layout.restype = ctypes.POINTER(ctypes.c_uint64)
-            library.dermis_sources.restype = library.dermis_fields.restype = ctypes.c_char_p
+            library.dermis_sources.restype = library.dermis_layout.restype = ctypes.c_char_p
             self.split, self.fit = _function(library.dermis_tree_split), _function(library.dermis_tree_fit)
             self.fit_body, self.judge = _function(library.dermis_body_fit), _function(library.dermis_body_judge)
             self.distances = _function(library.dermis_distances)
@@ -65,9 +64,9 @@ class Kernels:
             self.press_disc = _function(library.dermis_press_disc)
             self.settle_disc = _function(library.dermis_settle_disc)
             self.avx2 = int(library.dermis_has_avx2())
-            sources = bytes(library.dermis_sources()).decode("ascii", "replace")
-            fields = bytes(library.dermis_fields()).decode("ascii", "replace")
-            told = library.dermis_layout()
+            found = [
+                bytes(told()).decode("ascii", "replace") for told in (library.dermis_sources, library.dermis_layout)
+            ]
         except (OSError, AttributeError) as error:
             raise DermisError(
                 f"the compiled kernels for {building.this_platform()} cannot be loaded",
@@ -76,16 +75,13 @@ class Kernels:
                 remedy=REMEDY,
                 code=CODE,
             ) from error
-        wanted = list(records.layout())
-        found: list[int] = []
-        while len(found) < len(wanted) and found[-1:] != wanted[-1:]:
-            found.append(int(told[len(found)]))
-        if sources != building.digest() or found != wanted or fields != records.fields():
+        wanted = [building.digest(), records.layout()]
+        if found != wanted:
             raise DermisError(
                 f"the compiled kernels for {building.this_platform()} are of another version of Dermis",
                 where=str(path),
-                value=f"sources {sources}, layout {found[:-1]} of {fields}",
-                limit=f"sources {building.digest()}, layout {wanted[:-1]} of {records.fields()}",
+                value="sources {}, records {}".format(*found),
+                limit="sources {}, records {}".format(*wanted),
                 remedy=REMEDY,
                 code=CODE,
             )

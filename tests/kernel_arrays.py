@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +25,10 @@ from core.surface.triangles import TriangleTable
 from tests.problems import cube_mesh
 
 GIVEN = "compliance", "offset", "normals", "friction", "softness", "force"  # of a contact
-
-
+TYPES = {"double": "f8", "float": "f4"} | {f"{kind}_t": kind for kind in ("int64", "int32", "int16", "int8", "uint8")}
+WORKSPACES = "room", "sums", "afar", "indices"  # nobody reads them after a call
 SIZES: dict[int, int] = {}  # bytes of an array, by where it begins: a call in another process sends them there
+Record = TypeVar("Record", bound=ctypes.Structure)
 
 
 def address(array: Array) -> int:
@@ -36,14 +38,93 @@ def address(array: Array) -> int:
     return found
 
 
-@dataclass
-class Arrays:
-    """The arrays of a body and a query; the library gets every change that is made before a call."""
+def declared(record: type[ctypes.Structure] | ctypes.Structure) -> list[building.Field]:
+    """Return the fields of a record."""
+    kind = record if isinstance(record, type) else type(record)
+    return next(records.HEADER.records[name] for name, own in records.RECORDS.items() if own is kind)
+
+
+def filled(kind: type[Record], *owners: object, **values: Any) -> Record:
+    """Return a record that points to arrays of the types that `kernels.h` declares, and keeps them.
+
+    Args:
+        owners: objects whose attributes are the fields that are not among the values.
+        values: arrays, records and numbers.
+    """
+    record, kept = kind(), dict[str, Any]()
+    for field in declared(kind):
+        found = next((getattr(owner, field.name) for owner in owners if hasattr(owner, field.name)), None)
+        value = values.pop(field.name, found)
+        if isinstance(value, np.ndarray) and field.type.endswith("*"):
+            wanted = TYPES.get(field.type.split()[-2], value.dtype.str)
+            assert np.dtype(value.dtype.str.replace("b", "u")) == np.dtype(wanted), (field, value.dtype)
+            assert value.flags.c_contiguous, field
+            kept[field.name], value = value, address(value)
+        elif isinstance(value, ctypes.Structure | ctypes.Array):
+            kept[field.name], value = value, ctypes.addressof(value)
+            SIZES[value] = ctypes.sizeof(kept[field.name])
+        if value is not None:
+            setattr(record, field.name, tuple(np.ravel(value).tolist()) if field.length > 1 else value)
+    assert not values, values
+    record.kept = kept
+    return record
+
+
+class Case:
+    """Arrays for functions of a library, which gets every change that is made before a call.
+
+    Attributes:
+        results: names of the numbers that a call has found, in any of its records.
+        called: records of the last call, the main one first.
+    """
+
+    results: tuple[str, ...] = ()
+    called: list[Any]
+
+    def call(self, own: Any, **changed: float | None) -> list[int]:
+        """Return the statuses of all functions, with fields of the main record changed; the results stay."""
+        self.called = []
+        return list(self._calls(own, **changed))
+
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
+        """Call the functions of this case one after the other."""
+        raise NotImplementedError
+
+    def _call(self, function: Any, record: ctypes.Structure, **changed: float | None) -> int:
+        """Return the status of a call."""
+        if record not in self.called:
+            self.called.append(record)
+        for name, value in changed.items():
+            setattr(record, name, value)
+        return int(function(ctypes.byref(record)))
+
+    @property
+    def record(self) -> Any:
+        """The main record of the last call."""
+        return self.called[0]
+
+    def answer(self) -> bytes:
+        """Return everything that the last call has found."""
+        found = list[Any]()
+        for record in self.called:
+            for field in declared(record):
+                if not field.type.endswith("*"):
+                    found += [getattr(record, field.name)] * (field.name in self.results)
+                elif not field.type.startswith("const") and field.name not in WORKSPACES:
+                    found.append(record.kept.get(field.name, ()))
+        return b"".join(np.asarray(one).tobytes() for one in found)
+
+
+@dataclass(eq=False)
+class Arrays(Case):
+    """The arrays of a body and a query."""
 
     vertices: Array
     triangles: Indices
     points: Array
     limit: float = np.inf
+    index, friction, softness = 1, 0.5, 1e-9
+    results = "middle", "scale", "largest", "by_rays", "met", "turned"
 
     def __post_init__(self) -> None:
         self.table = table = TriangleTable.build(self.vertices, self.triangles)
@@ -59,79 +140,58 @@ class Arrays:
         along = self.vertices @ DIRECTIONS.T
         self.slab = np.column_stack([DIRECTIONS, along.min(axis=0), along.max(axis=0)])
         self.by_rays = False
-        self.found = {
-            "gap": np.full(n, np.nan),
-            "normal": np.full((n, 3), np.nan),
-            "closest": np.full((n, 3), np.nan),
-            "weights": np.full((n, 3), np.nan),
-            "triangle": np.full(n, -7),
-            "feature": np.full(n, -7, dtype=np.int8),
-            "beside": np.full(n, -7, dtype=np.int8),
-        }
+        self.found = {name: np.full((n, 3), np.nan) for name in ("normal", "closest", "weights")}
+        self.found |= {"gap": np.full(n, np.nan), "triangle": np.full(n, -7)}
+        self.found |= {name: np.full(n, -7, dtype=np.int8) for name in ("feature", "beside")}
 
     def records(self, packed: bool = True) -> tuple[records.TreeRecord, records.BodyRecord, records.QueryRecord]:
         """Return the records of a call, with a tree or without one; they hold addresses only."""
         table, topology = self.table, self.topology
-        tree = records.TreeRecord(total=table.usable.size, count=self.count, depth=self.depth)
-        for name, array in (("rows", table.rows), ("bounds", table.bounds), ("order", self.order)):
-            setattr(tree, name, address(array))
-        if table.slivers is not None:
-            tree.slivers = address(table.slivers)
-        body = records.BodyRecord(None, ctypes.addressof(tree), ctypes.addressof(tree), len(self.vertices))
-        body.closed, body.by_rays = topology.closed, self.by_rays or not packed
-        body.parts, body.slabs = len(self.part), len(self.slab)
-        if packed:
-            tree.packed, tree.boxes, body.normals = address(self.packed), address(self.boxes), address(self.normals)
-        else:
-            tree.largest = float(np.abs(self.vertices).max())
-        for name in ("corners", "across", "edge_kind", "vertex_kind"):
-            setattr(body, name, address(getattr(topology, name)))
-        body.part, body.slab = address(self.part), address(self.slab)
-        query = records.QueryRecord(ctypes.addressof(body), len(self.points), self.limit, address(self.points))
-        for name, array in self.found.items():
-            setattr(query, name, address(array))
-        return tree, body, query
+        made: dict[str, Any] = {"packed": self.packed, "boxes": self.boxes}
+        if not packed:
+            made = {"packed": None, "boxes": None, "largest": float(np.abs(self.vertices).max())}
+        tree = filled(records.TreeRecord, self, table, total=table.usable.size, **made)
+        counts = {"vertices": len(self.vertices), "parts": len(self.part), "slabs": len(self.slab)}
+        made = {"normals": self.normals if packed else None, "by_rays": self.by_rays or not packed}
+        body = filled(records.BodyRecord, self, topology, tree=tree, all=tree, weld=0.0, **counts, **made)
+        return tree, body, filled(records.QueryRecord, self, body=body, count=len(self.points), **self.found)
 
-    def call(self, library: Any) -> list[int]:
-        """Return the statuses of all functions, of distances without a tree and with one; its answers stay."""
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         tree, body, query = self.records()
-        statuses = [library.dermis_tree_split(ctypes.byref(tree)), library.dermis_tree_fit(ctypes.byref(tree))]
-        if not any(statuses):
-            statuses.append(library.dermis_body_fit(ctypes.byref(body)))
-        if not any(statuses):
-            statuses.append(self.measure(library, packed=False))
-            if body.closed:
-                statuses.append(library.dermis_body_judge(ctypes.byref(body)))
-                self.by_rays = bool(body.by_rays)
-            statuses.append(library.dermis_distances(ctypes.byref(query)))
-            statuses.append(self.node_gaps(library, body))
-        return statuses
-
-    def node_gaps(self, library: Any, body: records.BodyRecord) -> int:
-        """Return the status of the gaps of nodes at the points, to the body turned upside down about X; they stay."""
+        for function, record in (("tree_split", tree), ("tree_fit", tree), ("body_fit", body)):
+            status = self._call(getattr(own, f"dermis_{function}"), record)
+            yield status
+            if status:
+                return
+        yield self.measure(own, packed=False)
+        if body.closed:
+            yield self._call(own.dermis_body_judge, body)
+            self.by_rays = bool(body.by_rays)
+        yield self._call(own.dermis_distances, query)
+        # the gaps of nodes at the points, to the body turned upside down about X
         n = len(self.points)
+        self.told, self.which = np.full((7, n), np.nan), np.full((3, n), -7)
+        numbers = {"count": n, "radius": max(0.0, self.limit), "side": -1.0 if self.by_rays else 1.0}
         pose = np.concatenate([np.diag([1.0, -1.0, -1.0]).ravel(), np.zeros(records.POSE - 9)])
         box = np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
-        places, came = np.ascontiguousarray(self.points * [1.0, -1.0, -1.0]), np.arange(n) % 2
-        before = np.tile([0.0, 0.0, 1.0], (n, 1))
-        self.told, self.which = np.full((7, n), np.nan), np.full((3, n), -7)
-        limit = self.limit if self.limit >= 0.0 else 0.0
-        fixed = address(pose), address(box), n, 1, limit, -1.0 if self.by_rays else 1.0, 0.5, 1e-9
-        arrays = map(address, (places, places, came, before, self.told, self.which))
-        return int(library.dermis_node_gaps(ctypes.byref(records.GapsRecord(ctypes.addressof(body), *fixed, *arrays))))
+        places = np.ascontiguousarray(self.points * [1.0, -1.0, -1.0])
+        arrays = {"pose": pose, "box": box, "points": places, "places": places, "came": np.arange(n) % 2}
+        arrays["before"] = np.tile([0.0, 0.0, 1.0], (n, 1))
+        gaps = filled(records.GapsRecord, self, body=body, **numbers, **arrays)
+        yield self._call(own.dermis_node_gaps, gaps)
 
-    def measure(self, library: Any, packed: bool) -> int:
+    def measure(self, own: Any, packed: bool) -> int:
         """Return the status of distances alone, by a tree that was made before, or without."""
         tree, _, query = self.records(packed)
-        if packed and library.dermis_tree_fit(ctypes.byref(tree)):
+        if packed and own.dermis_tree_fit(ctypes.byref(tree)):
             raise AssertionError
-        return int(library.dermis_distances(ctypes.byref(query)))
+        return int(own.dermis_distances(ctypes.byref(query)))
 
-    def answer(self) -> bytes:
-        """Return everything that a call has filled."""
-        arrays = self.order, self.packed, self.boxes, self.normals, *self.found.values()
-        gaps = self.told.tobytes() + self.which.tobytes() if hasattr(self, "told") else b""
-        return b"".join(array.tobytes() for array in arrays) + bytes([self.by_rays]) + gaps
+
+def edge() -> tuple[Array, Indices]:
+    """Return vertices and triangles of an edge."""
+    surface = Surface.edge()
+    return surface.vertices, surface.triangles
 
 
 def drawn(seed: int) -> Arrays:
@@ -144,7 +204,7 @@ def drawn(seed: int) -> Arrays:
             triangles = np.concatenate([triangles, triangles + len(vertices)])
             vertices = np.concatenate([vertices, vertices + rng.uniform(-6e-3, 6e-3, 3)])
     elif kind == 1:
-        vertices, triangles = Surface.edge().vertices, Surface.edge().triangles
+        vertices, triangles = edge()
     else:
         size = 10.0 ** rng.uniform(-9.0 if kind == 3 else -4.0, -1.0, (count, 1, 1))
         flat = np.where(rng.random((count, 1, 1)) < 0.3, 10.0 ** rng.uniform(-12, -4, (count, 1, 1)), 1.0)
@@ -169,9 +229,9 @@ def drawn(seed: int) -> Arrays:
     return Arrays(vertices, np.ascontiguousarray(triangles), points, limit)
 
 
-@dataclass
-class Contact:
-    """The arrays of a contact; the library gets every change that is made before a call."""
+@dataclass(eq=False)
+class Contact(Case):
+    """The arrays of a contact."""
 
     compliance: Array
     offset: Array
@@ -182,39 +242,18 @@ class Contact:
     nodes: Indices
     tolerance: float = 1e-9
     most: int = 60
+    results = "residual", "sweeps", "missed", "wrong"
 
-    def call(self, own: Any, **changed: float) -> list[int]:
-        """Return the status, with fields of the record changed; force, image, residual and sweeps stay."""
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         n = len(self.force)
         given, step = self.nodes.size, self.compliance.itemsize
         few = given < n
-        room = np.full((9 * records.KEPT + 12 + few * (14 + (9 * given * step + 7) // 8)) * given + few, np.nan)
         self.image, self.moved = np.full((2, n, 3), np.nan)
-        self.status = np.full(n, -7, dtype=np.int8)
-        self.record = record = records.ContactRecord(
-            n,
-            self.compliance.dtype == np.float32,
-            self.compliance.strides[0] // self.compliance.itemsize,
-            0,
-            *(address(getattr(self, name)) for name in GIVEN[:5]),
-            self.tolerance,
-            self.most,
-            address(self.force),
-            address(self.image),
-            address(self.moved),
-            address(self.status),
-            given,
-            address(self.nodes),
-            address(room),
-        )
-        for name, value in changed.items():
-            setattr(record, name, value)
-        return [int(own.dermis_sweep(ctypes.byref(record)))]
-
-    def answer(self) -> bytes:
-        """Return everything that a call has filled."""
-        told = np.array([self.record.residual, self.record.sweeps, self.record.missed])
-        return b"".join(array.tobytes() for array in (self.force, self.image, self.moved, self.status, told))
+        numbers = {"count": n, "given": given, "single": step == 4, "stride": self.compliance.strides[0] // step}
+        room = np.full((9 * records.KEPT + 12 + few * (14 + (9 * given * step + 7) // 8)) * given + few, np.nan)
+        status = np.full(n, -7, dtype=np.int8)
+        record = filled(records.ContactRecord, self, **numbers, room=room, status=status)
+        yield self._call(own.dermis_sweep, record, **changed)
 
 
 def drawn_contact(seed: int) -> Contact:
@@ -238,7 +277,7 @@ def drawn_contact(seed: int) -> Contact:
 
 
 @dataclass(eq=False)
-class Survey:
+class Survey(Case):
     """The arrays of a pad's survey: square cells on a plane, skin that has moved, an edge and a plane near it."""
 
     positions: Array
@@ -251,53 +290,39 @@ class Survey:
     points: Indices
     longs: Array
     tiles: Tiles
-    edge: Surface
+    solid: Arrays
     poses: Array
     finest: int
+    limit, turned, edge, sharp, bent, corners, beyond = 2.5e-3, 0.3, 0.9, 1.5, 0.04e-3, 0.75, 0.4e-3
+    beside, merge, odd, level, deep, steep, often, coarsest, many = 0.35, 0.6, 0.4, 0.1, 0.06e-3, 0.3, 2, 1, 450
+    results = "found", "cut", "edges", "finest"
 
-    def call(self, own: Any, **changed: float) -> list[int]:
-        """Return the status, with fields of the record changed."""
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         tiles = self.tiles
         cells, roots = len(tiles.root), self.tiles.first[1, 1]
-        posed = (records.PosedRecord * 2)()
-        for record, (pose, side) in zip(posed, ((self.poses[0], 1.0), (self.poses[1], 1.0)), strict=True):
-            record.rotation[:], record.translation[:], record.side = np.eye(3).ravel().tolist(), pose.tolist(), side
-        posed[0].body = ctypes.addressof(self.edge.kernel_body.record)
-        posed[1].plane[:] = [0.0, 0.0, 1.0, -2e-3]
+        assert not any(self.solid.call(own))
+        _, body, _ = self.solid.records()
+        turn = {"rotation": np.eye(3), "side": 1.0}
+        posed = (records.PosedRecord * 2)(
+            filled(records.PosedRecord, body=body, translation=self.poses[0], **turn),
+            filled(records.PosedRecord, plane=[0.0, 0.0, 1.0, -2e-3], translation=self.poses[1], **turn),
+        )
         squares = 4 ** (tiles.levels - 1)
         owner, in_root = np.full((roots + 1, squares), -1), np.full(roots, -1)
         point = np.full(cells, -1)
         point[self.points] = np.arange(len(self.points))
         owner[tiles.root[self.points]] = point[self.points][:, None]
         in_root[tiles.root[self.points]] = point[self.points]
-        self.out, self.clearance = np.zeros((5, 4 * roots), dtype=np.int64), np.zeros(4 * roots)
-        fixed = {"first": tiles.first, "ways": tiles.ways, "root": tiles.root, "halved": tiles.halved}
-        fixed |= {"place": tiles.place, "quarters": tiles.quarters, "ways_before": np.zeros(cells, dtype=np.int64)}
-        fixed |= {"positions": self.positions, "normals": self.normals, "sides": self.sides, "limits": self.limits}
-        fixed |= {"longs": self.longs, "owner": owner, "afar": np.full((roots, 3), np.nan)}
-        fixed |= {"in_root": in_root, "raised": self.raised, "load": self.load, "table": self.table}
-        fixed |= {"rows": np.arange(len(self.load)), "clearance": self.clearance, "room": self.out}
-        fixed |= {"leaves": self.out[2], "cuts": self.out[3], "cut_ways": self.out[4]}
-        kept = {name: np.ascontiguousarray(array) for name, array in fixed.items()}
-        self.record = record = records.SurveyRecord(bodies=2, posed=ctypes.addressof(posed), limit=2.5e-3)
-        for name, array in kept.items():
-            setattr(record, name, address(array))
-        record.roots, record.levels, record.squares, record.points = roots, tiles.levels, squares, len(self.points)
-        record.loaded, record.filled = len(self.load), len(self.table)
-        record.turned, record.edge, record.sharp, record.bent, record.corners = 0.3, 0.9, 1.5, 0.04e-3, 0.75
-        record.beyond, record.beside, record.merge, record.odd, record.level = 0.4e-3, 0.35, 0.6, 0.4, 0.1
-        record.deep, record.steep, record.often, record.coarsest = 0.06e-3, 0.3, 2, 1
-        record.many, record.most, record.finest = 450, 4 * roots, self.finest
-        for name, value in changed.items():
-            setattr(record, name, value)
-        return [int(own.dermis_find_cells(ctypes.byref(record)))]
-
-    def answer(self) -> bytes:
-        """Return everything that a call has found."""
-        told, (_, _, leaves, cuts, ways) = self.record, self.out
-        numbers = np.array([told.found, told.cut, told.edges, told.finest])
-        found = leaves[: told.found], self.clearance[: told.found], cuts[: told.cut], ways[: told.cut]
-        return numbers.tobytes() + b"".join(part.tobytes() for part in found)
+        found = dict(zip(("leaves", "cuts", "cut_ways"), np.zeros((3, 4 * roots), dtype=np.int64), strict=True))
+        found |= {"clearance": np.zeros(4 * roots), "room": np.zeros((2, 4 * roots), dtype=np.int64)}
+        numbers = {"bodies": 2, "roots": roots, "levels": tiles.levels, "squares": squares, "most": 4 * roots}
+        numbers |= {"points": len(self.points), "loaded": len(self.load), "filled": len(self.table)}
+        names = "first", "ways", "root", "halved", "place", "quarters"
+        arrays = {name: np.ascontiguousarray(getattr(tiles, name)) for name in names}
+        arrays |= {"ways_before": np.zeros(cells, dtype=np.int64), "owner": owner, "in_root": in_root}
+        arrays |= {"rows": np.arange(len(self.load)), "afar": np.full((roots, 3), np.nan)}
+        record = filled(records.SurveyRecord, self, posed=posed, **numbers, **arrays, **found)
+        yield self._call(own.dermis_find_cells, record, **changed)
 
 
 def drawn_survey(seed: int) -> Survey:
@@ -325,15 +350,15 @@ def drawn_survey(seed: int) -> Survey:
         points,
         size.max(axis=1),
         tiles,
-        Surface.edge(),
+        Arrays(*edge(), np.zeros((1, 3))),
         poses,
         int(rng.integers(1, 4)),
     )
 
 
 @dataclass(eq=False)
-class Law:
-    """The arrays of the law on a mesh; the library gets every change that is made before a call."""
+class Law(Case):
+    """The arrays of the law on a mesh."""
 
     corners: NDArray[np.int32]
     slopes: NDArray[np.float32]
@@ -341,24 +366,14 @@ class Law:
     around: NDArray[np.float32]
     moved: NDArray[np.float32]
     elements: int
+    results = "energy", "flattest"
 
-    def call(self, own: Any, **changed: float) -> list[int]:
-        """Return the status, with fields of the record changed; force, stress, energy and the flattest J stay."""
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         n = len(self.around)
-        room = np.full(9 * self.volumes.size + 8 * n, np.nan, np.float32)
         self.force, self.stress = np.full((n, 3), np.nan, np.float32), np.full((self.elements, 6), np.nan)
-        given = self.corners, self.slopes, self.volumes, self.around
-        self.record = record = records.LawRecord(n, self.elements, *map(address, given), 8.0, 0.34, 0.06)
-        record.moved, record.room, record.stored = address(self.moved), address(room), 1
-        record.force, record.stress = address(self.force), address(self.stress)
-        for name, value in changed.items():
-            setattr(record, name, value)
-        return [int(own.dermis_evaluate_law(ctypes.byref(record)))]
-
-    def answer(self) -> bytes:
-        """Return everything that a call has filled."""
-        told = np.array([self.record.energy, self.record.flattest])
-        return self.force.tobytes() + self.stress.tobytes() + told.tobytes()
+        room = np.full(9 * self.volumes.size + 8 * n, np.nan, np.float32)
+        record = filled(records.LawRecord, self, nodes=n, first=8.0, shear=0.34, least=0.06, room=room, stored=1)
+        yield self._call(own.dermis_evaluate_law, record, **changed)
 
 
 def drawn_law(seed: int) -> Law:
@@ -372,24 +387,19 @@ def drawn_law(seed: int) -> Law:
 
 
 @dataclass(eq=False)
-class Rest:
-    """The arrays of linear tissue and forces on it; the library gets every change that is made before a call."""
+class Rest(Case):
+    """The arrays of linear tissue and forces on it."""
 
     factor: RestFactor
     force: NDArray[np.float32]
 
-    def call(self, own: Any, **changed: float) -> list[int]:
-        """Return the status, with fields of the record changed; the displacement stays."""
-        room = np.full(3 * self.factor.slots, np.nan, np.float32)
-        self.moved = np.full(self.force.size, np.nan, np.float32)
-        record = self.factor.record(self.force, self.moved, room, address)
-        for name, value in changed.items():
-            setattr(record, name, value)
-        return [int(own.dermis_rest_solve(ctypes.byref(record)))]
-
-    def answer(self) -> bytes:
-        """Return everything that a call has filled."""
-        return self.moved.tobytes()
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
+        arrays = {name.lstrip("_"): array for name, array in vars(self.factor).items() if isinstance(array, np.ndarray)}
+        numbers = {"size": self.factor.size, "levels": len(arrays["starts"]) - 1}
+        numbers |= {"numbers": arrays["inverses"].size, "couplings": arrays["values"].size}
+        room, moved = (np.full(size, np.nan, np.float32) for size in (3 * self.factor.slots, self.force.size))
+        record = filled(records.RestRecord, self, **arrays, **numbers, room=room, moved=moved)
+        yield self._call(own.dermis_rest_solve, record, **changed)
 
 
 def drawn_rest(seed: int) -> Rest:
@@ -403,7 +413,7 @@ def drawn_rest(seed: int) -> Rest:
 
 
 @dataclass(eq=False)
-class Pieces:
+class Pieces(Case):
     """Pieces of skin that press each other: far ones, near ones, and each on itself."""
 
     positions: Array
@@ -412,21 +422,12 @@ class Pieces:
     areas: Array
     single: int
 
-    def call(self, own: Any, **changed: float) -> list[int]:
-        """Return the status, with fields of the record changed."""
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         n = len(self.areas)
-        arrays = (self.positions, self.normals, self.sides, self.areas)
-        field = records.PatchesRecord(n, *(address(array) for array in arrays))
-        self.out = np.full((n, 3, n, 3), np.nan, np.float32 if self.single else np.float64)
-        both = ctypes.addressof(field), ctypes.addressof(field)
-        record = records.PiecesRecord(*both, 0.48, self.single, address(self.out))
-        for name, value in changed.items():
-            setattr(record, name, value)
-        return [int(own.dermis_press_pieces(ctypes.byref(record)))]
-
-    def answer(self) -> bytes:
-        """Return everything that a call has filled."""
-        return self.out.tobytes()
+        field = filled(records.PatchesRecord, self, count=n)
+        out = np.full((n, 3, n, 3), np.nan, np.float32 if self.single else np.float64)
+        record = filled(records.PiecesRecord, self, field=field, source=field, poisson=0.48, out=out)
+        yield self._call(own.dermis_press_pieces, record, **changed)
 
 
 def drawn_pieces(seed: int) -> Pieces:
@@ -442,7 +443,7 @@ def drawn_pieces(seed: int) -> Pieces:
 
 
 @dataclass(eq=False)
-class Points:
+class Points(Case):
     """Points of a grid of 6 by 6 roots that others were before."""
 
     tiles: Tiles
@@ -450,28 +451,17 @@ class Points:
     before: Indices
     cells: Indices
 
-    def call(self, own: Any, **changed: float) -> list[int]:
-        """Return the status, with fields of the record changed."""
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         tiles, side = self.tiles, 1 << (self.tiles.levels - 1)
         roots = len(self.around)
         self.owner, self.in_root = np.full((roots + 1, side * side), -1), np.full(roots, -1)
         self.number, self.beside = np.full(tiles.count, -1), np.full((len(self.cells), 4), -9)
-        record = records.PointsRecord(known=tiles.count, side=side, before=0, count=len(self.before))
-        arrays = {"root": tiles.root, "halved": tiles.halved, "place": tiles.place, "around": self.around}
-        arrays |= {"owner": self.owner, "in_root": self.in_root, "number": self.number, "old_cells": self.before}
-        first = np.zeros((len(self.before), 4), dtype=np.int64)
-        for name, array in {**arrays, "cells": self.before, "beside": first}.items():
-            setattr(record, name, address(array))
-        statuses = [int(own.dermis_number_points(ctypes.byref(record)))]
-        record.before, record.count = len(self.before), len(self.cells)
-        record.cells, record.beside = address(self.cells), address(self.beside)
-        for name, value in changed.items():
-            setattr(record, name, value)
-        return [*statuses, int(own.dermis_number_points(ctypes.byref(record)))]
-
-    def answer(self) -> bytes:
-        """Return everything that a call has filled."""
-        return b"".join(array.tobytes() for array in (self.owner, self.in_root, self.number, self.beside))
+        both = {"known": tiles.count, "side": side, "old_cells": self.before}
+        beside = np.zeros((len(self.before), 4), np.int64)
+        first = {"before": 0, "count": len(self.before), "cells": self.before, "beside": beside}
+        yield self._call(own.dermis_number_points, filled(records.PointsRecord, self, tiles, **both, **first))
+        then = filled(records.PointsRecord, self, tiles, **both, before=len(self.before), count=len(self.cells))
+        yield self._call(own.dermis_number_points, then, **changed)
 
 
 def drawn_points(seed: int) -> Points:
@@ -496,7 +486,7 @@ def drawn_points(seed: int) -> Points:
 
 
 @dataclass(eq=False)
-class DrawnSkin:
+class DrawnSkin(Case):
     """A surface of random triangles, the matrix that refines it, and forces on a pad."""
 
     points: Array
@@ -511,30 +501,18 @@ class DrawnSkin:
     table: NDArray[np.float32] | None
     quantity: int
     given: tuple[Array, Array]
+    normal_force, modulus, exaggeration, lift = 2.0, 3e4, 1.5, 2e-3
+    results = "low", "high", "centre", "shear"
 
-    def call(self, own: Any, **changed: float) -> list[int]:
-        """Return the status, with fields of the record changed."""
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         nodes, drawn = len(self.points), len(self.rest)
         self.moved, self.values = (a.copy() for a in self.given)
-        self.sums, self.room = np.full((nodes, 9), np.nan, np.float32), np.full((nodes, 8), np.nan)
         self.positions, self.normals, self.shown = (np.full((drawn, k), np.nan) for k in (3, 3, 1))
-        self.record = record = records.DrawnRecord(nodes=nodes, triangles=len(self.corners), drawn=drawn)
-        record.entries, record.pad, record.quantity = len(self.columns), len(self.force), self.quantity
-        record.normal_force, record.modulus, record.exaggeration, record.lift = 2.0, 3e4, 1.5, 2e-3
-        record.table = None if self.table is None else address(self.table)
-        for name in ("points", "corners", "rest", "starts", "columns", "weights", "pad_positions", "pad_normals"):
-            setattr(record, name, address(getattr(self, name)))
-        for name in ("force", "moved", "values", "sums", "room", "positions", "normals", "shown"):
-            setattr(record, name, address(getattr(self, name)))
-        for name, value in changed.items():
-            setattr(record, name, value)
-        return [int(own.dermis_draw_skin(ctypes.byref(record)))]
-
-    def answer(self) -> bytes:
-        """Return everything that a call has filled."""
-        told = np.array([self.record.low, self.record.high, *self.record.centre, *self.record.shear])
-        filled = (self.moved, self.values, self.positions, self.normals, self.shown, told)
-        return b"".join(array.tobytes() for array in filled)
+        numbers = {"nodes": nodes, "triangles": len(self.corners), "drawn": drawn}
+        numbers |= {"entries": len(self.columns), "pad": len(self.force)}
+        work = {"sums": np.full((nodes, 9), np.nan, np.float32), "room": np.full((nodes, 8), np.nan)}
+        record = filled(records.DrawnRecord, self, **numbers, **work)
+        yield self._call(own.dermis_draw_skin, record, **changed)
 
 
 def drawn_skin(seed: int) -> DrawnSkin:
@@ -578,33 +556,24 @@ def gcc(out: Path, *flags: str) -> list[str]:
 
 
 @dataclass(eq=False)
-class Friction:
-    """The friction history of some nodes, and a frame; the library gets every change that is made before a call."""
+class Friction(Case):
+    """The friction history of some nodes, and a frame."""
 
     arrays: dict[str, Array]
+    radius, share, drift, passed = 1e-3, 0.7, (1e-4, -2e-4, 0.0), (2e-4, 1e-4, 1e-5)
+    results = "drift", "passed", "shifted", "slides", "normal", "tangential", "depth", "slide", "sticking", "slipping"
 
-    def call(self, own: Any, **changed: float) -> list[int]:
-        """Return the statuses of all functions, with fields of the record changed; all results stay in the arrays."""
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         arrays, n = self.arrays, len(self.arrays["gap"])
-        self.record = record = records.FrictionRecord(n, len(arrays["poses"]), radius=1e-3, share=0.7)
-        record.drift[:], record.passed[:] = [1e-4, -2e-4, 0.0], [2e-4, 1e-4, 1e-5]
-        record.entered = len(arrays["entering"])
-        for name in (field[0] for field in records.FrictionRecord._fields_):
-            if name in arrays:
-                setattr(record, name, address(arrays[name]))
-        for name, value in changed.items():
-            setattr(record, name, value)
-        calls = own.dermis_expect, own.dermis_offset, own.dermis_foresee, own.dermis_keep, own.dermis_drift
-        statuses = [int(call(ctypes.byref(record))) for call in calls]
-        names = "points", "force", "facing", "moved", "image", "gaps", "status"
-        self.sums = records.SumsRecord(n, n % 2, *(address(arrays[name]) for name in names))
-        return [*statuses, int(own.dermis_sum(ctypes.byref(self.sums)))]
-
-    def answer(self) -> bytes:
-        """Return everything that a call has filled."""
-        sums = [getattr(self.sums, name) for name in ("normal", "tangential", "depth", "slide", "sticking", "slipping")]
-        told = [*self.record.drift, *self.record.passed, self.record.shifted, self.record.slides, *sums]
-        return b"".join(array.tobytes() for array in self.arrays.values()) + np.array(told).tobytes()
+        numbers = {"count": n, "bodies": len(arrays["poses"]), "entered": len(arrays["entering"])}
+        record = filled(records.FrictionRecord, self, **numbers, **arrays)
+        for function in (own.dermis_expect, own.dermis_offset, own.dermis_foresee, own.dermis_keep, own.dermis_drift):
+            yield self._call(function, record, **changed)
+            changed = {}
+        given = {name: arrays[name] for name in ("points", "force", "image", "gaps", "status")}
+        frame = {"normals": arrays["facing"], "displacement": arrays["moved"], **given}
+        self.sums = filled(records.SumsRecord, count=n, from_rest=n % 2, **frame)
+        yield self._call(own.dermis_sum, self.sums)
 
 
 def drawn_friction(seed: int) -> Friction:
@@ -639,8 +608,8 @@ def drawn_friction(seed: int) -> Friction:
 
 
 @dataclass(eq=False)
-class Pressed:
-    """A disc that presses on points of skin, and the step after it; the library gets every change before a call."""
+class Pressed(Case):
+    """A disc that presses on points of skin, and the step after it."""
 
     positions: Array
     places: Array
@@ -655,52 +624,28 @@ class Pressed:
     friction: float
     weight: float
     freedoms: int
+    radius, rounding, margin, tolerance, most = 4e-3, 1e-3, 1e-4, 1e-9, 10
+    results = "residual", "steps", "strays", "touching"
 
-    def call(self, own: Any, **changed: float) -> list[int]:
-        """Return the statuses of both functions, with fields of the first record changed; their answers stay."""
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         points, n, free = len(self.positions), len(self.near), self.freedoms
         rows = (3 * self.near[:, None] + np.arange(3)).ravel()
-        part = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
         self.gap, self.answers = np.full(points, np.nan), np.full((n, 3, 1 + free), np.nan)
-        self.moved, self.offset, self.status = np.full((n, 3), np.nan), np.full((n, 3), np.nan), np.full(n, 7, np.int8)
-        room, indices = np.full((60 + 3 * free + 18 * n) * n, np.nan), np.full(8 * n, 2**62)
-        self.record = record = records.DiscRecord(points=points, radius=4e-3, rounding=1e-3, margin=1e-4)
-        record.friction, record.weight, record.tolerance, record.most = self.friction, self.weight, 1e-9, 10
-        record.freedoms, record.turning, record.count = free, 2 if free == 3 else free, n
-        record.leading = self.told.shape[2] - 1
-        given = {"positions": self.positions, "places": self.places, "anchors": self.anchors, "told": self.told}
-        given |= {"anchored": self.anchored, "sticking": self.sticking, "near": self.near, "compliance": part}
-        given |= {"pose": self.pose, "room": room, "indices": indices, "gap": self.gap, "answer": self.answers}
-        given |= {"moved": self.moved, "offset": self.offset, "status": self.status}
-        for name, array in given.items():
-            setattr(record, name, address(array))
-        if self.less is not None:
-            record.less = address(self.less)
-        for name, value in changed.items():
-            setattr(record, name, value)
-        statuses = [int(own.dermis_press_disc(ctypes.byref(record)))]
-        if statuses[0] or record.strays:
-            return statuses
-        self.after = np.full((points, 3), np.nan), np.full((points, 3), np.nan), np.full((points, 2), np.nan)
-        self.sticks = np.full(points, 7, np.uint8)
-        step = records.SettledRecord(points=points, count=n, width=1 + free)
-        fixed = {"positions": self.positions, "anchors": self.anchors, "anchored": self.anchored, "near": self.near}
-        fixed |= {"compliance": self.compliance, "pose": self.pose, "answer": self.answers, "status": self.status}
-        fixed |= dict(zip(("moved", "force", "anchor"), self.after, strict=True)) | {"sticks": self.sticks}
-        for name, array in fixed.items():
-            setattr(step, name, address(array))
-        if self.less is not None:
-            step.less = address(self.less)
-        return [*statuses, int(own.dermis_settle_disc(ctypes.byref(step)))]
-
-    def answer(self) -> bytes:
-        """Return everything that a call has filled."""
-        record = self.record
-        told = np.array([record.residual, record.steps, record.strays, record.touching])
-        if record.strays:
-            return self.gap.tobytes() + told[2:3].tobytes()
-        arrays = self.gap, self.answers, self.moved, self.offset, self.status, *self.after, self.sticks
-        return b"".join(array.tobytes() for array in arrays) + told.tobytes()
+        self.moved, self.status = np.full((n, 3), np.nan), np.full(n, 7, np.int8)
+        part = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
+        numbers = {"points": points, "count": n, "turning": 2 if free == 3 else free}
+        numbers["leading"] = self.told.shape[2] - 1
+        work = {"room": np.full((60 + 3 * free + 18 * n) * n, np.nan), "indices": np.full(8 * n, 2**62)}
+        out = {"answer": self.answers, "offset": np.full((n, 3), np.nan)}
+        record = filled(records.DiscRecord, self, compliance=part, **numbers, **work, **out)
+        status = self._call(own.dermis_press_disc, record, **changed)
+        yield status
+        if status or record.strays:
+            return
+        after = {"moved": np.full((points, 3), np.nan), "force": np.full((points, 3), np.nan)}
+        after |= {"anchor": np.full((points, 2), np.nan), "sticks": np.full(points, 7, np.uint8)}
+        fixed = {"points": points, "count": n, "width": 1 + free, "answer": self.answers}
+        yield self._call(own.dermis_settle_disc, filled(records.SettledRecord, self, **fixed, **after))
 
 
 def drawn_pressed(seed: int) -> Pressed:

@@ -65,7 +65,7 @@ STATEMENT = re.compile(
 )
 CONSTANT = re.compile(r"DERMIS_(\w+) = (\d+)")
 FIELD = re.compile(
-    r"(?:const )?(?:struct )?(\w+ \*)(\w+(?:, \*\w+)*)"
+    r"((?:const )?(?:struct )?\w+ \*)(\w+(?:, \*\w+)*)"
     r"|(int64_t|double) (\w+(?:\[\d+\])?(?:, \w+(?:\[\d+\])?)*)"
 )
 
@@ -79,7 +79,7 @@ class Field(NamedTuple):
 
     Attributes:
         name: name in C.
-        type: 'int64_t', 'double', or the type of a pointer, such as 'float *'.
+        type: 'int64_t', 'double', or the type of a pointer, such as 'const float *'.
         length: length of an array of numbers; 1 for any other field.
     """
 

@@ -5,12 +5,10 @@ It uses single precision.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from ctypes import byref
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Floats32, Indices
 from ..errors import DermisError
@@ -107,9 +105,7 @@ class RestFactor:
         """Length of a vector whose levels are padded to multiples of `LANES`."""
         return len(self._order)
 
-    def record(
-        self, force: Floats32, moved: Floats32, room: Floats32, place: Callable[[NDArray[Any]], int] = address
-    ) -> records.RestRecord:
+    def record(self, force: Floats32, moved: Floats32, room: Floats32) -> records.RestRecord:
         """Return the record of a solve for the kernels.
 
         The record points to the arrays.
@@ -118,18 +114,17 @@ class RestFactor:
             force: right-hand side, shape (3 n,).
             moved: solution, shape (3 n,).
             room: work space, shape (3 slots,).
-            place: function that returns the address of an array.
         """
         return records.RestRecord(
             self.size,
             len(self._starts) - 1,
-            place(self._starts),
-            place(self._order),
+            address(self._starts),
+            address(self._order),
             self._inverses.size,
-            place(self._inverses),
-            place(self._diagonals),
+            address(self._inverses),
+            address(self._diagonals),
             self._values.size,
-            *map(place, (self._rows, self._columns, self._values, force, moved, room)),
+            *map(address, (self._rows, self._columns, self._values, force, moved, room)),
         )
 
 

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from core.kernels import records
-from tests.kernel_arrays import SIZES
+from tests.kernel_arrays import SIZES, declared
 
-KINDS = {"tree": records.TreeRecord, "all": records.TreeRecord, "body": records.BodyRecord, "next": records.BodyRecord}
-KINDS |= {"field": records.PatchesRecord, "source": records.PatchesRecord}
+KINDS: dict[str, type[ctypes.Structure]] = {f"dermis_{name}": record for name, record in records.RECORDS.items()}
 ALIGNED = 64
 
 
@@ -34,50 +33,47 @@ class RemoteLibrary:
 
     def _call(self, name: str, record: ctypes.Structure) -> int:
         arena, places, pointers = bytearray(), dict[int, int](), list[int]()
-        kept: list[ctypes.Structure] = []
+        sent: list[tuple[int, ctypes.Structure]] = []
 
-        def place(address: int, size: int) -> int:
-            """Return where some bytes lie in the arena; they are copied there once."""
-            if address not in places:
-                arena.extend(bytes(-len(arena) % ALIGNED))
-                places[address] = len(arena)
-                arena.extend(ctypes.string_at(address, size))
-            return places[address]
-
-        def packed(own: ctypes.Structure) -> int:
-            address = ctypes.addressof(own)
+        def place(address: int, size: int, kind: str) -> int:
+            """Return where some bytes lie in the arena; they are copied there once, and all that they point to."""
             if address in places:
                 return places[address]
-            at = place(address, ctypes.sizeof(own))
-            kept.append(own)
-            for field, kind in ((f[0], f[1]) for f in own._fields_):
-                target = getattr(own, field)
-                if kind is not ctypes.c_void_p or not target:
-                    continue
-                inner = KINDS.get(field)
-                where = place(target, SIZES[target]) if inner is None else packed(inner.from_address(target))
-                own_place = at + getattr(type(own), field).offset
-                arena[own_place : own_place + 8] = np.int64(where).tobytes()
-                pointers.append(own_place)
+            arena.extend(bytes(-len(arena) % ALIGNED))
+            places[address] = at = len(arena)
+            arena.extend(ctypes.string_at(address, size))
+            for first in range(0, size, ctypes.sizeof(KINDS[kind])) if kind in KINDS else ():
+                own = KINDS[kind].from_address(address + first)
+                sent.append((at + first, own))
+                for field in declared(own):
+                    target = getattr(own, field.name)
+                    if field.type.endswith("*") and target:
+                        where = place(target, SIZES[target], field.type.split()[-2])
+                        pointers.append(at + first + getattr(type(own), field.name).offset)
+                        arena[pointers[-1] : pointers[-1] + 8] = np.int64(where).tobytes()
             return at
 
-        at = packed(record)
+        at = place(
+            ctypes.addressof(record),
+            ctypes.sizeof(record),
+            next(kind for kind, own in KINDS.items() if own is type(record)),
+        )
         sizes = np.array([len(name), len(arena), len(pointers), at], np.int64)
         assert self._process.stdin is not None and self._process.stdout is not None
         self._process.stdin.write(sizes.tobytes() + name.encode() + np.array(pointers, np.int64).tobytes() + arena)
         self._process.stdin.flush()
         status = int(np.frombuffer(self._read(8), np.int64)[0])
         back = self._read(len(arena))
-        of_records = {ctypes.addressof(own): own for own in kept}
-        for address, start in places.items():
-            own = of_records.get(address)
-            if own is None:
-                ctypes.memmove(address, back[start : start + SIZES[address]], SIZES[address])
-                continue
+        for start, own in sent:
             answered = type(own).from_buffer_copy(back, start)
-            for field, kind in ((f[0], f[1]) for f in own._fields_):
-                if kind is not ctypes.c_void_p:
-                    setattr(own, field, getattr(answered, field))
+            for field in declared(own):
+                if field.type.endswith("*"):
+                    setattr(answered, field.name, getattr(own, field.name))
+            ctypes.memmove(ctypes.addressof(own), ctypes.addressof(answered), ctypes.sizeof(own))
+        records_at = {ctypes.addressof(own) for _, own in sent}
+        for address, start in places.items():
+            if address not in records_at:
+                ctypes.memmove(address, back[start : start + SIZES[address]], SIZES[address])
         return status
 
     def _read(self, count: int) -> bytes:

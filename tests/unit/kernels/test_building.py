@@ -51,7 +51,7 @@ def test_a_field_that_is_added_to_the_header_is_read(header: Path) -> None:
     before = building.declared()
     changed(header, LAST, "    const float *first, *second; /* two; and\n  a comment */ double third[5];\n" + LAST)
     found = building.declared().records["settled"]
-    added = [building.Field(name, "float *", 1) for name in ("first", "second")]
+    added = [building.Field(name, "const float *", 1) for name in ("first", "second")]
     assert found == [*before.records["settled"][:-1], *added, building.Field("third", "double", 5), found[-1]]
     assert building.of_layout(building.layout(building.declared())) != records.layout()
 

@@ -32,8 +32,8 @@ from ..scene.tactile_scene import Mesh
 from . import shapes
 from .gap_query import GapQuery
 from .kernel_body import KernelBody
+from .pieces import pieces
 from .plain_triangles import PlainTriangles
-from .planes import Planes, pieces
 from .surface_normals import SurfaceNormals
 from .topology import Topology, topology_of
 from .triangle_tree import TriangleTree
@@ -287,11 +287,6 @@ class Surface:
     def smooth_normals(self, triangle: Indices, weights: Array) -> Array:
         """Return the normals of the curved surface that the faces stand for, see `SurfaceNormals.smooth`."""
         return self._normals.smooth(triangle, weights)
-
-    @cached_property
-    def planes(self) -> Planes:
-        """Its planes and their rims."""
-        return Planes.of(self.table, self.topology)
 
     @cached_property
     def pieces(self) -> Indices:

@@ -318,7 +318,7 @@ class GripSolver:
             body = self.body(context.pose, rotation, middle)
             bodies = (*grip.gaps.bodies[: grip.own], body, *grip.gaps.bodies[grip.own + 1 :])
             moved = replace(grip.gaps, bodies=bodies)
-            status = status_of(whole, w, grip.gaps.normal, grip.gaps.friction)
+            status = status_of(whole, grip.gaps.normal, grip.gaps.friction)
             # No node sticks to material that slid along the skin.
             held = np.where((grip.gaps.body == grip.own) & drawn & (status == STICK), SLIP, status).astype(np.int8)
             soft = grip.gaps.compliance(finger.areas, finger.name)

@@ -328,7 +328,7 @@ class PathSolver:
             residual: residual of the contact laws.
         """
         from_rest = self._step is None or self._step.work == "idle"
-        status = status_of(force, displacement, gaps.normal, gaps.friction)
+        status = status_of(force, gaps.normal, gaps.friction)
         solution = Solution(
             force,
             displacement,

@@ -109,13 +109,13 @@ def solve(
     return Solution(found.force, w, axes, mu, status, found.sweeps, found.residual, tolerance, "sweeps")
 
 
-def status_of(force: Array, displacement: Array, normals: Array, friction: Array) -> NDArray[np.int8]:
+def status_of(force: Array, normals: Array, friction: Array) -> NDArray[np.int8]:
     """Return the status of nodes whose forces are in their friction cones, shape (m,).
 
     A node whose force is on the surface of the cone slips.
 
     Args:
-        force, displacement, normals: shape (m, 3) each.
+        force, normals: shape (m, 3) each.
         friction: friction coefficients, shape (m,).
     """
     fn = along(force, normals)

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from core.contact.solver import cone
 from core.kernels import building, records
+from core.surface import topology
 from tests.kernel_arrays import gcc
 
 from .test_compiled import needs_gcc
@@ -45,6 +47,12 @@ def test_each_record_has_a_class_with_its_fields() -> None:
     assert records.layout() == building.of_layout(building.layout(records.HEADER))
     assert records.PosedRecord.rotation.size == 72 and records.PosedRecord._fields_[0] == ("body", ctypes.c_void_p)
     assert (records.ROW, records.POSE, records.NOT_FINITE) == (16, 32, 2)
+
+
+def test_constants_that_python_repeats_are_those_of_the_header() -> None:
+    for module, names in ((topology, ("REGULAR", "BOUNDARY", "IRREGULAR")), (cone, ("STICK", "SLIP"))):
+        for name in names:
+            assert getattr(module, name) == records.HEADER.constants[name]
 
 
 def test_a_field_that_is_added_to_the_header_is_read(header: Path) -> None:

@@ -1,0 +1,36 @@
+"""Pieces of a triangle surface.
+
+A piece is a part of the surface that bends gently from triangle to triangle; creases are between pieces.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..arrays import Indices
+from .topology import Topology
+from .triangles import TriangleTable
+
+# [m] Smallest radius of a gentle bend.
+# [m] Largest distance between the middles of two neighbours that is used; larger distances count as this one.
+RADIUS, LARGE = 5e-3, 1e-3
+
+
+def pieces(table: TriangleTable, topology: Topology) -> Indices:
+    """Return the index of each triangle's piece, shape (T,)."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    ab, ac = table.rows[3:6].T, table.rows[6:9].T
+    lengths = np.sqrt(np.maximum(table.rows[[9, 11, 10]].T, 1e-300))
+    heights = np.sqrt((np.cross(ab, ac) ** 2).sum(axis=1))[:, None] / lengths  # above each edge
+    back = topology.across[topology.across]  # the neighbours of the neighbour at each edge
+    own = (back == np.arange(len(ab))[:, None, None]).argmax(axis=2)
+    apart = (heights + heights[topology.across, own]) / 3.0  # distance between the middles, across the edge
+    smallest = np.cos(np.minimum(apart, LARGE) / RADIUS)
+    normals, across = table.bounds[3:6].T, topology.across
+    together = (across >= 0) & (np.einsum("tk,tek->te", normals, normals[across]) > smallest)
+    triangle, edge = together.nonzero()
+    pairs, count = (triangle, across[triangle, edge]), len(across)
+    graph = coo_matrix((np.ones(len(triangle), bool), pairs), shape=(count, count))
+    return np.asarray(connected_components(graph, directed=False)[1])

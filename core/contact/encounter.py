@@ -58,11 +58,8 @@ class Encounter:
 
     @cached_property
     def which(self) -> Which:
-        """Indices of the touching samples, as a slice if they are consecutive, which avoids copies."""
-        index = self.touching.nonzero()[0]
-        if index.size and index[-1] - index[0] + 1 == index.size:
-            return slice(int(index[0]), int(index[-1]) + 1)
-        return index
+        """Indices of the touching samples, as a slice if they are consecutive."""
+        return indices_of(self.touching)
 
     @cached_property
     def any(self) -> bool:
@@ -159,13 +156,18 @@ class Encounter:
         out[known] = self._hermite(index[known], since[known])
         return out
 
+    @cached_property
+    def _pieces(self) -> Array:
+        """Duration of each piece between samples, and coefficients of the gap over its course, shape (5, n - 1)."""
+        gap = self._pair.gap if self._whole else np.where(self._known, self._pair.gap, 0.0)
+        slope, step = self._slope, self._pad_contact.knots.steps
+        rise, first, last = gap[1:] - gap[:-1], slope[:-1] * step, slope[1:] * step
+        return np.array([step, gap[:-1], first, 3.0 * rise - 2.0 * first - last, first + last - 2.0 * rise])
+
     def _hermite(self, index: NDArray[np.intp], since: Array) -> Array:
-        times, gap, slope = self._pad_contact.times, self._pair.gap, self._slope
-        step = times[index + 1] - times[index]
+        step, start, first, second, third = self._pieces.take(index, axis=1)
         u = since / step
-        start, rise = gap[index], gap[index + 1] - gap[index]
-        first, last = slope[index] * step, slope[index + 1] * step
-        return start + u * (first + u * (3.0 * rise - 2.0 * first - last + u * (first + last - 2.0 * rise)))
+        return np.asarray(start + u * (first + u * (second + u * third)))
 
     def _roots(self, began: NDArray[np.intp]) -> Array:
         """Return the time before each sample at which the gap equals the touch distance, by the Illinois method."""
@@ -198,10 +200,10 @@ class Encounter:
 
     @cached_property
     def _weights(self) -> tuple[NDArray[np.intp], Array]:
-        index, since = self._pad_contact.knots.piece(self.times[self.which])
+        index, since = (part[self.which] for part in self._pad_contact.knots.piece(self.times))
         if len(self._pad_contact.times) == 1:
             return index, np.zeros(len(index))
-        u = since / (self._pad_contact.times[index + 1] - self._pad_contact.times[index])
+        u = since / self._pad_contact.knots.steps[index]
         if not self._whole:  # if only one of the two samples is known, its value is used
             u = np.where(self._known[index + 1], np.where(self._known[index], u, 1.0), 0.0)
         return index, u
@@ -230,6 +232,14 @@ def encounter(
         ("encounter", finger, body, len(times)), lambda: Encounter(pad_contact, finger, body, times, distance), times
     )
     return made if made.any else None
+
+
+def indices_of(mask: NDArray[np.bool_]) -> Which:
+    """Return the indices at which a mask is true, as a slice if they are consecutive, which avoids copies."""
+    index = mask.nonzero()[0]
+    if index.size and index[-1] - index[0] + 1 == index.size:
+        return slice(int(index[0]), int(index[-1]) + 1)
+    return index
 
 
 def turned_back(samples: MotionSamples, which: Which, vectors: Array) -> Array:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,19 @@ from .stretch_rates import StretchRates
 from .surfaces import alike, bounds_in_world, box_of, boxes_in_world, carried, rigid_mesh, surface_of
 
 
+class _Map(NamedTuple):
+    """The linear map of a body's pose, and what follows from it alone.
+
+    Attributes:
+        key: bytes of the maps. rotation, flat: see `turns_of`. stretch: rotation transposed @ map, shape (k, 3, 3).
+    """
+
+    key: bytes
+    rotation: Array
+    flat: NDArray[np.bool_]
+    stretch: Array
+
+
 class PadSampler:
     """Collects the contact of pads in a scene, one chunk after the other.
 
@@ -51,6 +65,7 @@ class PadSampler:
         self._chunks: list[Chunk] = []
         self._first = self._count = 0  # range of the samples that are kept
         self._pairs: dict[tuple[int, int], PairRecord] = {}
+        self._maps: dict[int, _Map] = {}  # the last of each body: most bodies keep theirs from chunk to chunk
         self._stretched: dict[int, tuple[Mesh, Array, Surface]] = {}
         self._centres: dict[int, list[Array]] = {}
         self._repairs = Repairs()
@@ -62,6 +77,7 @@ class PadSampler:
     def renew(self, scene: TactileScene) -> None:
         """Continue with other settings of the same fingers, bodies and screens."""
         self._scene = scene
+        self._names = [[item.name for item in items] for items in (scene.fingers, scene.bodies, scene.screens)]
         self._radius = SearchRadius(scene)
         # fingers with a device that uses the surface's smooth normals
         self._smooth = {
@@ -88,7 +104,7 @@ class PadSampler:
                 )
         if count == 0:
             return chunk
-        names = [[item.name for item in items] for items in (scene.fingers, scene.bodies, scene.screens)]
+        names = self._names
         fingers = self._repairs.poses("finger", names[0], chunk.fingers, chunk.frames)
         bodies = self._repairs.poses("object", names[1], chunk.bodies, chunk.frames)
         screens = self._repairs.poses("screen", names[2], chunk.screens, chunk.frames)
@@ -216,7 +232,11 @@ class PadSampler:
         near_samples = samples[:1] if single else np.unique(samples)
         linear = poses[near_samples, :3, :3]
         maps = linear[:1] if single or (linear == linear[0]).all() else linear
-        rotation, flat = turns_of(maps)
+        known = self._maps.get(b)
+        if known is None or known.key != maps.tobytes():
+            rotation, flat = turns_of(maps)
+            known = self._maps[b] = _Map(maps.tobytes(), rotation, flat, turn_map_back(rotation, maps))
+        _, rotation, flat, stretches = known
         if np.count_nonzero(flat):
             flat = np.broadcast_to(flat, len(linear))
             self._repairs.note("zero-scale", self._scene.bodies[b].name, chunk.frames[near_samples[flat]].tolist())
@@ -225,10 +245,12 @@ class PadSampler:
             who, samples = who[there], samples[there]
             if not samples.size:
                 return
-            maps, rotation = linear, rotation[~flat]
-        turn = np.zeros((len(chunk.times), 3, 3))
-        turn[near_samples] = rotation
-        stretch = np.broadcast_to(turn_map_back(rotation, maps), linear.shape)
+            rotation, stretches = rotation[~flat], stretches[~flat]
+        turn = rotation
+        if not single:
+            turn = np.zeros((len(chunk.times), 3, 3))
+            turn[near_samples] = rotation
+        stretch = np.broadcast_to(stretches, linear.shape)
         points = turn_back(turn[samples], fingers[who, samples, :3, 3] - poses[samples, :3, 3])
         last = self._chunks[-2] if len(self._chunks) > 1 else None
         before = None if last is None else (float(last.times[-1]), last.bodies[b, -1])
@@ -299,42 +321,41 @@ class PadSampler:
             points, samples, who = points[inside], samples[inside], who[inside]
         if not samples.size:
             return
-        nearest = surface.query(points, self._radius.longest)
-        if surface.closed:
+        nearest, closed, parts = surface.query(points, self._radius.longest), surface.closed, list(_parts(who))
+        within_reach, turns = np.isfinite(nearest.gap), turn[samples]
+        if closed:
             up = fingers[who, samples, :3, 2]
-            nails = turn_back(turn[samples], up / np.sqrt(dot(up, up))[:, None])
-            known = np.isfinite(nearest.gap)
-            for f, part in _parts(who):
-                which = known[part].nonzero()[0] + part.start
+            nails = turn_back(turns, up / np.sqrt(dot(up, up))[:, None])
+            for f, part in parts:
+                which = within_reach[part].nonzero()[0] + part.start
                 if which.size:
                     self._keep_side(self._pair(f, b), surface, nearest, which, points, samples, nails)
-        within_reach = np.isfinite(nearest.gap)
         if own_radius is not None:  # a chunk's longest radius must not lend others a touch that they lack alone
-            within_reach &= (nearest.gap if surface.closed else np.abs(nearest.gap)) <= own_radius[who, samples]
+            within_reach &= (nearest.gap if closed else np.abs(nearest.gap)) <= own_radius[who, samples]
         moving = np.zeros((len(points), 3))
         if velocity is not None and within_reach.any():
             moving[within_reach] = _interpolated(surface, nearest, within_reach, velocity)
         if rates is not None and within_reach.any():
             moving[within_reach] += turned(rates[samples[within_reach]], nearest.point[within_reach])
-        for f, part in _parts(who):
+        for f, part in parts:
             own = within_reach[part].nonzero()[0] + part.start
             if own.size == 0:
                 continue
             index, gap, normal = samples[own], nearest.gap[own], nearest.normal[own]
             smooth = surface.smooth_normals(nearest.triangle[own], nearest.weights[own]) if f in self._smooth else None
             pair = self._pair(f, b)
-            if not surface.closed:
+            if not closed:
                 side = self._sides(pair, surface, index, points[own], turn, fingers[f])
                 gap, normal = gap * side, normal * side[:, None]
                 smooth = None if smooth is None else smooth * side[:, None]
             pair.last = self._count + int(index[-1])
             pair.start.append(self._count + index)
             pair.gap.append(gap)
-            pair.normal.append(turned(turn[index], normal))
+            pair.normal.append(turned(turns[own], normal))
             pair.point.append(nearest.point[own])
             pair.surface_velocity.append(moving[own])
             if smooth is not None:
-                pair.smooth_normal.append(turned(turn[index], smooth))
+                pair.smooth_normal.append(turned(turns[own], smooth))
 
     def _pair(self, f: int, b: int) -> PairRecord:
         pair = self._pairs.get((f, b))

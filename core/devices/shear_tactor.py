@@ -88,7 +88,9 @@ class ShearTactor:
         # The angle is relative to the heading, so that it never jumps at the +-180 degrees of arctan2.
         c, s = math.cos(self.heading), math.sin(self.heading)
         turn = np.arctan2(c * y - s * x, c * x + s * y)
-        return np.stack([turn - half, turn + half], axis=-1)
+        out = np.empty((*turn.shape, 2))
+        out[..., 0], out[..., 1] = turn - half, turn + half
+        return out
 
     def forward(self, angles: Array) -> Array:
         """Return the cap positions [m] for pulley angles [rad], shapes (..., 2)."""
@@ -113,9 +115,10 @@ def within_speed(target: Array, step: float, start: Array | None = None) -> tupl
     """
     asked = target
     if start is not None:
-        target = np.vstack([start, target[1:]])
-    jumps, far = np.diff(target, axis=0), step * (1.0 + 1e-9)
-    leaps = np.flatnonzero(np.einsum("ij,ij->i", jumps, jumps) > far**2) + 1
+        target = target.copy()
+        target[0] = start
+    (dx, dy), far = (target[1:] - target[:-1]).T, step * (1.0 + 1e-9)
+    leaps = np.flatnonzero(dx * dx + dy * dy > far**2) + 1
 
     def advance(_row: int, place: list[float], goal: list[float]) -> list[float] | None:
         dx, dy = goal[0] - place[0], goal[1] - place[1]
@@ -123,4 +126,4 @@ def within_speed(target: Array, step: float, start: Array | None = None) -> tupl
         return None if distance <= far else [place[0] + dx * step / distance, place[1] + dy * step / distance]
 
     path = follow(target, leaps, advance)
-    return path, int(np.count_nonzero((path != asked).any(axis=1)))
+    return path, int(np.count_nonzero((path[:, 0] != asked[:, 0]) | (path[:, 1] != asked[:, 1])))

@@ -50,7 +50,8 @@ def directions(
     carry = carry or Carry()
     heading, down, first = carry.start or (Heading(window, radius), False, 0)
     heading, period = heading.copied(), 1.0 / rate
-    times, xs, ys, rests = [(first + i) * period for i in range(count)], x.tolist(), y.tolist(), still.tolist()
+    times = (np.arange(first, first + count) * period).tolist()
+    xs, ys, rests = x.tolist(), y.tolist(), still.tolist()
     changes = (touching[1:] != touching[:-1]).nonzero()[0] + 1
     bounds = sorted({0, *changes.tolist(), min(carry.index, count), count})
     for start, end in pairwise(bounds):

@@ -33,8 +33,8 @@ def displacement(
     """
     if sign not in SIGNS:
         raise DermisError("unknown sign of the acceleration", value=sign, limit=", ".join(SIGNS))
-    inertia = np.reshape(SIGNS[sign] * np.asarray(alpha_a), (-1, 1)) * acceleration
-    return inertia + np.reshape(np.asarray(alpha_g), (-1, 1)) * np.asarray(gravity)
+    alpha_a, alpha_g = (v[:, None] if isinstance(v, np.ndarray) else v for v in (alpha_a, alpha_g))
+    return SIGNS[sign] * alpha_a * acceleration + alpha_g * np.asarray(gravity)
 
 
 def fitting(peak: float) -> float:

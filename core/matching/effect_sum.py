@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
-from ..contact.encounter import Encounter, turned, turned_back
+from ..contact.encounter import Encounter, Which, indices_of, turned, turned_back
 from ..contact.holding_times import holding_times, meet
 from ..contact.pad_contact import PadContact
 from ..effects import content, patterns, texture, transient, weight
@@ -105,7 +105,7 @@ class EffectSum:
             self._skip("bodies_never_held")
             return
         self.held |= holds
-        index = holds.nonzero()[0]
+        index = indices_of(holds)
         if wants_weight:
             self._add_world(index, self._weight(b, index) * self._weight_factor())
         if wants_content:
@@ -208,7 +208,7 @@ class EffectSum:
     def _wants_content(self, b: int) -> bool:
         return self._switch(b, "content") is not None and _ever(self._parameter(b, "content_amplitude"))
 
-    def _weight(self, b: int, index: NDArray[np.intp]) -> Array:
+    def _weight(self, b: int, index: Which) -> Array:
         """Return the displacement by a held body's weight at some samples, in world axes, shape (k, 3)."""
         on = self._switch(b, "weight")
         assert on is not None
@@ -259,13 +259,13 @@ class EffectSum:
                         continue
                     holds = holding_times(self.pad_contact, self.scene, f, b, self.times)
                     if holds is not None:
-                        index = np.flatnonzero(holds)
+                        index = indices_of(holds)
                         there = self.pad_contact.finger_at(f, self.times)
                         flat = turned_back(there, index, other._weight(b, index))[:, :2]
                         peak = max(peak, math.sqrt(float((flat**2).sum(axis=1).max())))
         return peak
 
-    def _content(self, b: int, index: NDArray[np.intp]) -> Array:
+    def _content(self, b: int, index: Which) -> Array:
         """Return the displacement by a held body's content at some samples, in world axes, shape (k, 3)."""
         on = self._switch(b, "content")
         assert on is not None
@@ -286,10 +286,10 @@ class EffectSum:
     @property
     def _total(self) -> Array:
         if self.sum is None:
-            self.sum = np.zeros((len(self.times), 1 if self.tap_axis is None else 3))
+            self.sum = np.zeros((1 if self.tap_axis is None else 3, len(self.times))).T  # as `turned_back` lays vectors
         return self.sum
 
-    def _add_world(self, index: slice | NDArray[np.intp], displacement: Array) -> None:
+    def _add_world(self, index: Which, displacement: Array) -> None:
         """Add a displacement in world axes, shape (k, 3), at some samples; it is turned into the finger's frame."""
         self._total[index] += turned_back(self.pad_contact.finger_at(self.finger, self.times), index, displacement)
 
@@ -323,7 +323,7 @@ class EffectSum:
         owner, row = f"device/{self.finger}/{self.device}", DEVICE[f"use_{effect}"]
         return self.pad_contact.series(owner, row, self.use.parameters, self.times) > 0.5
 
-    def _at(self, value: Any, index: slice | NDArray[np.intp]) -> Any:
+    def _at(self, value: Any, index: Which) -> Any:
         return value[index] if isinstance(value, np.ndarray) else value
 
     def _add_eased(self, b: int, which: Any, shape: Array, felt: NDArray[np.bool_]) -> None:

@@ -53,15 +53,13 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
         position, slowed = within_speed(position, tactor.speed / spec.rate, carry.start)
         carry.found = position[carry.index]
     angles = np.zeros_like(position)
-    moved = (position != 0.0).any(axis=1).nonzero()[0]
-    if moved.size:
-        angles[moved] = tactor.inverse(position[moved])
-    columns = {
-        "tactor_x": position[:, 0],
-        "tactor_y": position[:, 1],
-        "pulley_1": angles[:, 0],
-        "pulley_2": angles[:, 1],
-    }
+    x, y = position.T
+    moved = (x != 0.0) | (y != 0.0)
+    count = np.count_nonzero(moved)
+    if count:
+        which = moved if count < len(times) else slice(None)  # a slice copies nothing
+        angles[which] = tactor.inverse(position[which])
+    columns = {"tactor_x": x, "tactor_y": y, "pulley_1": angles[:, 0], "pulley_2": angles[:, 1]}
     unknown = [c.name for c in spec.channels if c.name not in columns]
     if unknown:
         raise DermisError(
@@ -74,12 +72,11 @@ def render(pad_contact: PadContact, scene: TactileScene, finger: int, use: Devic
     for name in ("tactor_x", "tactor_y"):
         counts.update({f"{name}.disc": limited, f"{name}.slew_of_pair": slowed})
     names = [c.name for c in spec.channels]
-    track = CommandTrack(
-        spec,
-        times,
-        np.stack([columns[n] for n in names], axis=1),
-        limited={k: v for k, v in counts.items() if v and k.partition(".")[0] in names},
-    )
+    values = np.empty((len(times), len(names)))
+    for column, name in enumerate(names):
+        values[:, column] = columns[name]
+    limits = {k: v for k, v in counts.items() if v and k.partition(".")[0] in names}
+    track = CommandTrack(spec, times, values, limited=limits)
     signals = {"contact": sums.contact.astype(np.float64), "held": sums.held.astype(np.float64), "magnitude": magnitude}
     return Rendered(track, signals, tuple(sums.findings), {k: v for k, v in sums.skipped.items() if v})
 
@@ -109,6 +106,7 @@ def projected(displacement: Array, radius: float, method: str = "magnitude") -> 
     limited = int((length > 1.0 + SLACK).sum())
     if method == "magnitude":
         return radius * flat / np.maximum(length, 1.0)[:, None], length, limited
+    displacement = np.ascontiguousarray(displacement)  # an order of the sums that no layout changes
     whole = np.sqrt(np.einsum("ij,ij->i", displacement, displacement))
     factor = np.minimum(1.0, length) / np.where(whole > 0.0, whole, 1.0)
     return radius * factor[:, None] * flat, length, limited

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,8 +74,10 @@ def _columns(linear: Array) -> tuple[Array, Array]:
     becomes NaN, and so does the volume.
     """
     unit = linear.transpose(1, 2, 0).astype(np.float64, order="C")
-    with np.errstate(divide="ignore", invalid="ignore"):
-        unit *= 1.0 / np.sqrt(_sums(unit * unit))
+    squares = _sums(unit * unit)
+    usual = squares.size and squares.min() > 0.0 and squares.max() < np.inf
+    with nullcontext() if usual else np.errstate(divide="ignore", invalid="ignore"):
+        unit *= 1.0 / np.sqrt(squares)
         x, y, z = unit.transpose(1, 2, 0)
         return unit, dot(x, cross(y, z))
 
@@ -92,11 +95,11 @@ def quaternions(matrix: Array) -> Array:
     The shapes are (n, 4) and (n, 3, 3).
     """
     xx, yy, zz = matrix[:, 0, 0], matrix[:, 1, 1], matrix[:, 2, 2]
-    squares = np.stack([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz], axis=1)
-    largest = np.argmax(squares, axis=1)  # dividing by the largest component loses no digits
+    squares = np.array([1 + xx + yy + zz, 1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz])
+    largest = np.argmax(squares, axis=0)  # dividing by the largest component loses no digits
     products = np.empty((len(matrix), 4, 4))
     for i in range(4):
-        products[:, i, i] = squares[:, i]
+        products[:, i, i] = squares[i]
     for i, j, k in ((1, 3, 2), (2, 1, 3), (3, 2, 1)):
         products[:, 0, i] = products[:, i, 0] = matrix[:, j - 1, k - 1] - matrix[:, k - 1, j - 1]
     for i, j in ((1, 2), (2, 3), (3, 1)):

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from ..arrays import Array
 from ..errors import DermisError
 
+# By the order of a derivative: factors of the coefficients that remain.
+FACTORS = tuple(np.array(row)[:, None, None] for row in ((1.0, 1.0, 1.0, 1.0), (1.0, 2.0, 3.0), (2.0, 6.0)))
 READ = 3  # number of arrays of times whose pieces are stored: times of the samples, and of devices at two rates
 
 
@@ -48,12 +50,17 @@ class Knots:
         return made
 
     @cached_property
+    def steps(self) -> Array:
+        """Time from each sample to the next [s], shape (n - 1,)."""
+        return np.asarray(self.times[1:] - self.times[:-1])
+
+    @cached_property
     def system(self) -> Tridiagonal:
         """Equations of the inner second derivatives of a not-a-knot spline.
 
         They exist for four samples or more.
         """
-        step = self.times[1:] - self.times[:-1]
+        step = self.steps
         lower, diagonal, upper = step[:-1].copy(), 2.0 * (step[:-1] + step[1:]), step[1:].copy()
         # Not-a-knot: the third derivative does not jump at the second and the last but one sample.
         first, next_, last, before = step[0], step[1], step[-1], step[-2]
@@ -114,9 +121,8 @@ class Spline:
         """Values, and coefficients of (t - t_i), its square and its cube, shape (4, k, n - 1)."""
         if self._within is not None:
             whole, columns = self._within
-            return np.ascontiguousarray(whole._pieces[:, columns])
-        times, values = self.times, self.values
-        step = (times[1:] - times[:-1])[:, None]
+            return whole._pieces[:, columns]
+        values, step = self.values, self.knots.steps[:, None]
         second = second_derivatives(self.knots, values)
         slope = (values[1:] - values[:-1]) / step - step * (2.0 * second[:-1] + second[1:]) / 6.0
         out = np.empty((4, values.shape[1], len(step)))
@@ -147,16 +153,15 @@ class Spline:
             raise ValueError("a spline has two derivatives")
         index, u = self.piece(t) if piece is None else piece
         # Horner's scheme, with the factors that come from differentiation.
-        parts = self._pieces[order:].take(index, axis=2)
-        out: Array = parts[-1]
-        if order:
-            out *= (1.0, 3.0, 6.0)[order]
-        for part, factor in zip(parts[-2::-1], ((1.0, 1.0, 1.0), (2.0, 1.0), (2.0,))[order], strict=True):
+        *parts, out = self._factored(order).take(index, axis=2)
+        for part in reversed(parts):
             out *= u
-            if factor != 1.0:
-                part *= factor
             out += part
-        return out.T
+        return np.asarray(out.T)
+
+    def _factored(self, order: int) -> Array:
+        """Return the coefficients of a derivative, from the constant one on, shape (4 - order, k, n - 1)."""
+        return self._pieces[order:] * FACTORS[order] if order else self._pieces
 
 
 def second_derivatives(times: Array | Knots, values: Array) -> Array:
@@ -173,7 +178,7 @@ def second_derivatives(times: Array | Knots, values: Array) -> Array:
     n, second = len(knots.times), np.zeros_like(values)
     if n < 3:
         return second
-    step = knots.times[1:] - knots.times[:-1]
+    step = knots.steps
     slope = (values[1:] - values[:-1]) / step[:, None]
     if n == 3:
         second[:] = 2.0 * (slope[1] - slope[0]) / (knots.times[2] - knots.times[0])

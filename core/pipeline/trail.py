@@ -156,7 +156,8 @@ class Trail:
             track = rendered.track
             with contact.carry(("track", finger, n), track.times) as carry:
                 if carry.start is not None:
-                    track = replace(track, values=np.vstack([carry.start, track.values[1:]]))
+                    track = replace(track, values=track.values.copy())
+                    track.values[0] = carry.start
                 track = track.within_limits()
                 carry.found = track.values[carry.index]
             found.append(Output(scene.fingers[finger].name, use.preset, track, rendered.signals, ()))

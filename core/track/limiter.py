@@ -32,7 +32,7 @@ class Limiter:
     """
 
     def __init__(self, spec: DeviceSpec, times: Array, values: Array) -> None:
-        self.spec, self.times = spec, times
+        self.spec, self.times, self._pair = spec, times, range_disc(spec)
         self.values = np.array(values, dtype=np.float64)
         self.counts: dict[str, int] = {}
 
@@ -89,10 +89,9 @@ class Limiter:
 
         They are moved along the radius.
         """
-        pair = range_disc(self.spec)
-        if pair is None:
+        if self._pair is None:
             return
-        i, j, radius = pair
+        i, j, radius = self._pair
         x, y = self.values[:, i], self.values[:, j]
         reach = np.hypot(x, y)
         outside = reach > radius
@@ -112,7 +111,7 @@ class Limiter:
         Args:
             start_at_rest: True if the device is at rest at the first sample and moves to the track from there.
         """
-        pair = range_disc(self.spec)
+        pair = self._pair
         groups = [[i] for i in range(len(self.spec.channels)) if pair is None or i not in pair[:2]]
         if pair is not None:
             groups.append([pair[0], pair[1]])

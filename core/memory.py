@@ -61,6 +61,7 @@ class Memory:
         self._before = before or {}
         self.noted = dict(self._before)  # a state stays valid until it is replaced
         self._lasting = {} if lasting is None else lasting
+        self._last: tuple[Array | None, int] = (None, 0)  # device times, and the index at which the next window starts
 
     def times(self, rate: float) -> Array:
         """Return the device times of the window [s], shape (n,).
@@ -82,9 +83,10 @@ class Memory:
             key: key of the state.
             times: device times of the window [s], shape (n,).
         """
-        slack = ROUNDING * float(times[1] - times[0]) if len(times) > 1 else 0.0
-        index = max(int(times.searchsorted(self._until + slack, "right")) - 1, 0)
-        return _Noting(self.noted, key, Carry(self._before.get(key), index))
+        if self._last[0] is not times:
+            slack = ROUNDING * float(times[1] - times[0]) if len(times) > 1 else 0.0
+            self._last = times, max(int(times.searchsorted(self._until + slack, "right")) - 1, 0)
+        return _Noting(self.noted, key, Carry(self._before.get(key), self._last[1]))
 
     def lasting(self, key: Hashable, make: Callable[[], Any]) -> Any:
         """Return the object of a key, made once by `make` for all windows."""

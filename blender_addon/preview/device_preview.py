@@ -31,6 +31,7 @@ from .rows import Preview, Row, as_it_was, by_channel, goes_on, origin, row_of
 
 TRAIL_SECONDS = 0.12  # how much of a tactor's path, and of a vibration, the view shows
 FOLLOWERS = (pin_preview, thimble_preview, platform_preview)
+_PATH = np.arange(61.0)  # numbers of the points of a tactor's path
 KEPT = 1000  # at most this many visited frames are kept, to be shown again
 
 
@@ -276,8 +277,11 @@ def baked_row(result: store.Result, output: core.pipeline.bake.Output, frame: fl
     row = row_of(output.finger, output.device, spec, by_channel(spec, values), contact, signals=signals)
     if row.drawn == "tactor" and len(track.times):
         now = result.clock.seconds(frame)
-        times = np.linspace(now - TRAIL_SECONDS, now, 61)
-        path = np.stack([np.interp(times, track.times, track.column(n)) for n in ("tactor_x", "tactor_y")], axis=1)
+        start, path = now - TRAIL_SECONDS, np.empty((len(_PATH), 2))
+        times = start + _PATH * ((now - start) / _PATH[-1])
+        times[-1] = now
+        for column, name in enumerate(("tactor_x", "tactor_y")):
+            path[:, column] = np.interp(times, track.times, track.column(name))
         row = replace(row, path=path)
     if row.drawn == "coil" and len(track.times):
         now = result.clock.seconds(frame)

@@ -76,6 +76,8 @@ class Recorder:
         self._animated = self._animated_table()
         self._values = {key: np.empty(count) for key, _, _, _ in self._animated}
         self._checked = self._direct = False
+        self._places = sorted(set(self._place[self._objects].tolist()))  # list indices of participants, no instances
+        self._fine = b""  # the last linear maps whose scales needed no mending
 
     def holds(self) -> bool:
         """Return whether Blender still lists the same objects in the same order."""
@@ -219,15 +221,11 @@ class Recorder:
         Blender copies evaluated matrices back to the objects only for the active dependency graph.
         """
         self._checked = True
-        self._direct = not depsgraph_is_active(depsgraph, [self._object(i) for i in self._places_of_objects()])
-
-    def _places_of_objects(self) -> list[int]:
-        """Return the sorted list indices of participants other than instances."""
-        return sorted(set(self._place[self._objects].tolist()))
+        self._direct = not depsgraph_is_active(depsgraph, [self._object(i) for i in self._places])
 
     def _record_directly(self, k: int, depsgraph: bpy.types.Depsgraph) -> None:
         row = self._raw[k].reshape(-1, 4, 4)
-        for place in self._places_of_objects():
+        for place in self._places:
             row[place] = np.array(self._object(place).evaluated_get(depsgraph).matrix_world).T
 
     def _take_instances(self, n: int) -> None:
@@ -292,6 +290,8 @@ class Recorder:
 
     def _mend_scales(self, poses: Array, frames: Array, findings: list[Any]) -> None:
         linear = poses[:, :, :3, :3]
+        if linear.tobytes() == self._fine:
+            return
         norms = np.sqrt(np.add.reduce(linear * linear, axis=2))
         off = (np.abs(norms[self._drawn] - 1.0) > participants.UNSCALED).any(axis=2)
         for d in np.flatnonzero(off.any(axis=1)):
@@ -300,7 +300,10 @@ class Recorder:
         flat = (norms < 1e-9).any(axis=2)
         turned = np.linalg.det(linear) < 0
         turned[: len(self._participants.fingers)] = False
-        for i in np.flatnonzero(flat.any(axis=1) | turned.any(axis=1)):
+        mended = np.flatnonzero(flat.any(axis=1) | turned.any(axis=1)).tolist()
+        if not (mended or off.any()):
+            self._fine = linear.tobytes()
+        for i in mended:
             name = self._entries[i].name
             if flat[i].any():
                 _note(
@@ -331,7 +334,8 @@ class Recorder:
                 )
 
     def _report_presence(self, frames: Array, findings: list[Any], simulating: bool) -> None:
-        if simulating:
+        here = self._present[:, : len(frames)].all() and not self._bare[:, : len(frames)].any()
+        if simulating or (here and not self._shown.size):
             return
         if self._shown.size:
             for finding in self._instances.findings(frames, self._present[self._shown, : len(frames)]):

@@ -69,7 +69,9 @@ def disc(radius: float, height: float, middle: Colour, rim: Colour) -> Part:
     """Return a flat disc in the pad's plane, from one colour in its middle to another at its rim."""
     points = np.empty((SEGMENTS + 1, 3))
     points[0], points[1:] = (0.0, 0.0, height), circle(radius, height)[:-1]
-    return part_of(points, np.array([middle] + [rim] * SEGMENTS), _fan())
+    colours = np.empty((SEGMENTS + 1, 4))
+    colours[0], colours[1:] = middle, rim
+    return part_of(points, colours, _fan())
 
 
 @cache

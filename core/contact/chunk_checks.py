@@ -38,7 +38,8 @@ def check_scales(kind: str, names: Sequence[str], poses: Array, frames: Array) -
         DermisError: a scale is invalid. The error names the first frame.
     """
     linear = poses[:, :, :3, :3]
-    for i in np.flatnonzero((np.abs(linear) > LARGEST_SCALE).any(axis=(1, 2, 3))).tolist():
+    if np.abs(linear).max(initial=0.0) > LARGEST_SCALE:
+        i = int((np.abs(linear) > LARGEST_SCALE).any(axis=(1, 2, 3)).argmax())
         most = np.abs(linear[i]).max(axis=(1, 2))
         k = int(np.argmax(most > LARGEST_SCALE))
         where = f"{kind} '{names[i]}', frame {frames[k]:g}"
@@ -67,9 +68,11 @@ def check_animated(scene: TactileScene, chunk: Chunk) -> None:
         ("body", "object", scene.bodies, BODY),
         ("screen", "screen", scene.screens, SCREEN),
     )
+    owners = {key.rpartition("/")[0] for key in chunk.animated}
     for owner, kind, items, table in groups:
         for i, item in enumerate(items):
-            _check_series(chunk.animated, f"{owner}/{i}", table, chunk.frames, f"{kind} '{item.name}'")
+            if f"{owner}/{i}" in owners:
+                _check_series(chunk.animated, f"{owner}/{i}", table, chunk.frames, f"{kind} '{item.name}'")
 
 
 def check_device(pad_contact: PadContact, finger: Finger, index: int, use: DeviceUse) -> None:

@@ -332,10 +332,10 @@ class PadSampler:
                     self._keep_side(self._pair(f, b), surface, nearest, which, points, samples, nails)
         if own_radius is not None:  # a chunk's longest radius must not lend others a touch that they lack alone
             within_reach &= (nearest.gap if closed else np.abs(nearest.gap)) <= own_radius[who, samples]
-        moving = np.zeros((len(points), 3))
-        if velocity is not None and within_reach.any():
+        moving = None if velocity is None and rates is None else np.zeros((len(points), 3))
+        if moving is not None and velocity is not None and within_reach.any():
             moving[within_reach] = _interpolated(surface, nearest, within_reach, velocity)
-        if rates is not None and within_reach.any():
+        if moving is not None and rates is not None and within_reach.any():
             moving[within_reach] += turned(rates[samples[within_reach]], nearest.point[within_reach])
         for f, part in parts:
             own = within_reach[part].nonzero()[0] + part.start
@@ -353,7 +353,7 @@ class PadSampler:
             pair.gap.append(gap)
             pair.normal.append(turned(turns[own], normal))
             pair.point.append(nearest.point[own])
-            pair.surface_velocity.append(moving[own])
+            pair.surface_velocity.append(None if moving is None else moving[own])
             if smooth is not None:
                 pair.smooth_normal.append(turned(turns[own], smooth))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,8 +20,8 @@ class PairRecord:
 
     Attributes:
         start: indices of the samples at which the gap is known, rising.
-        gap, normal, point, surface_velocity, smooth_normal: values at these samples, as in `PairContact`. The last is
-            empty if no device uses it.
+        gap, normal, point, surface_velocity, smooth_normal: values at these samples, as in `PairContact`. A surface
+            that does not move has no velocity. The last is empty if no device uses it.
         last: last sample at which the gap is known.
         seen: last sample that `proxy` has taken.
         side: side of an open surface on which the finger is, +1 or -1.
@@ -31,7 +32,7 @@ class PairRecord:
     gap: list[Array] = field(default_factory=list)
     normal: list[Array] = field(default_factory=list)
     point: list[Array] = field(default_factory=list)
-    surface_velocity: list[Array] = field(default_factory=list)
+    surface_velocity: list[Array | None] = field(default_factory=list)
     smooth_normal: list[Array] = field(default_factory=list)
     last: int = -2
     seen: int = -2
@@ -48,19 +49,20 @@ class PairRecord:
         """Return the contact at `count` samples from sample `first` on."""
         index = np.concatenate(self.start) - first
 
-        def spread(parts: list[Array], beyond: float = 0.0) -> Array:
-            known = np.concatenate(parts)
+        def spread(parts: Iterable[Array], beyond: float = 0.0) -> Array:
+            known = np.concatenate([*parts])
             if index.size == count:  # known at all samples
                 return known
             out = np.full((count, *known.shape[1:]), beyond)
             out[index] = known
             return out
 
-        velocity = spread(self.surface_velocity)
+        velocity = self.surface_velocity
+        moving = (np.zeros_like(p) if v is None else v for v, p in zip(velocity, self.point, strict=True))
         return PairContact(
             spread(self.gap, np.inf),
             spread(self.normal),
             spread(self.point),
-            velocity if velocity.any() else None,
+            spread(moving) if any(part is not None and part.any() for part in velocity) else None,
             spread(self.smooth_normal) if self.smooth_normal else None,
         )

@@ -125,8 +125,8 @@ def bilinear(planes: Sequence[Floats32], size: tuple[float, float], x: Array, y:
     out = np.empty((count, len(x)), np.float32)
     for start in range(0, len(x), CHUNK):
         part = slice(start, start + CHUNK)
-        across = np.clip(x[part] * per_x + (0.5 * columns - 0.5), 0, columns - 1)
-        up = np.clip(y[part] * per_y + (0.5 * rows - 0.5), 0, rows - 1)
+        across = np.minimum(np.maximum(x[part] * per_x + (0.5 * columns - 0.5), 0.0), columns - 1.0)
+        up = np.minimum(np.maximum(y[part] * per_y + (0.5 * rows - 0.5), 0.0), rows - 1.0)
         column = np.minimum(across.astype(np.int32), wide - 2)
         row = np.minimum(up.astype(np.int32), high - 2)
         right = (across - column).astype(np.float32)

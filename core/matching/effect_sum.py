@@ -291,7 +291,8 @@ class EffectSum:
 
     def _add_world(self, index: Which, displacement: Array) -> None:
         """Add a displacement in world axes, shape (k, 3), at some samples; it is turned into the finger's frame."""
-        self._total[index] += turned_back(self.pad_contact.finger_at(self.finger, self.times), index, displacement)
+        there = self.pad_contact.finger_at(self.finger, self.times)
+        self._total[index] += np.asfortranarray(turned_back(there, index, displacement))
 
     def _acceleration(self, b: int) -> Array:
         """Return the acceleration of a body's centre of gravity [m/s^2], shape (n, 3)."""

@@ -163,8 +163,8 @@ class ScreenMap:
         else:
             level = (self.threshold if threshold is None else threshold) * (self.highest - self.lowest) * self.metres
             friction = np.where((height >= level) & (self.highest > self.lowest), MAX_FRICTION, MIN_FRICTION)
-        inside = self.on_screen(x, y)
-        return Relief(*(np.where(inside, values, 0.0) for values in (friction, grad_x, grad_y, height)))
+        inside, felt = self.on_screen(x, y), (friction, grad_x, grad_y, height)
+        return Relief(*felt) if inside.all() else Relief(*(np.where(inside, values, 0.0) for values in felt))
 
     def answer(self, x: float, y: float, direction: tuple[float, float], time: float = 0.0) -> Answer:
         """Return the command for one touch, within the device's limits.

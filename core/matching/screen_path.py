@@ -122,7 +122,7 @@ def _resting(sampled: Array, local: Array, times: Array) -> NDArray[np.bool_]:
     chord = local[1:, :2] - local[:-1, :2]
     still = np.hypot(chord[:, 0], chord[:, 1]) <= STILL_SPEED * (sampled[1:] - sampled[:-1])
     middle = times - 0.5 * (times[1] - times[0] if len(times) > 1 else 0.0)
-    return np.asarray(still[np.clip(np.searchsorted(sampled, middle) - 1, 0, len(still) - 1)])
+    return np.asarray(still.take(np.searchsorted(sampled, middle) - 1, mode="clip"))
 
 
 class Settings:

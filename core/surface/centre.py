@@ -59,6 +59,6 @@ def held_centres(centres: Array) -> Array:
     """
     there: NDArray[np.bool_] = np.isfinite(centres[:, 0])
     if there.all() or not there.any():
-        return np.nan_to_num(centres)
+        return centres if there.all() else np.zeros_like(centres)
     last = np.maximum.accumulate(np.where(there, np.arange(len(there)), np.argmax(there)))
     return np.asarray(centres[last])

@@ -45,20 +45,23 @@ class Repairs:
             poses: poses at n samples, shape (k, n, 4, 4).
             frames: frame numbers of the samples, shape (n,).
         """
-        good: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(poses), axis=(2, 3))
+        finite = np.isfinite(poses)
+        if finite.all() and len(frames):
+            self._last_pose[kind] = poses[:, -1].copy()
+            return poses
+        good: NDArray[np.bool_] = np.logical_and.reduce(finite, axis=(2, 3))
         before = self._last_pose.get(kind)
         if before is None:
             before = np.full((len(names), 4, 4), np.nan)
-        if not good.all():
-            poses = poses.copy()
-            for i in np.flatnonzero(~good.all(axis=1)):
-                self._bad.setdefault((f"not-finite {kind}", names[i]), []).extend(frames[~good[i]].tolist())
-                start = before[i]
-                if not np.isfinite(start).all():
-                    first = np.flatnonzero(good[i])
-                    start = poses[i, first[0]] if first.size else np.eye(4)
-                last = np.maximum.accumulate(np.where(good[i], np.arange(len(frames)), -1))
-                poses[i] = np.where((last >= 0)[:, None, None], poses[i, np.maximum(last, 0)], start)
+        poses = poses.copy()
+        for i in np.flatnonzero(~good.all(axis=1)):
+            self._bad.setdefault((f"not-finite {kind}", names[i]), []).extend(frames[~good[i]].tolist())
+            start = before[i]
+            if not np.isfinite(start).all():
+                first = np.flatnonzero(good[i])
+                start = poses[i, first[0]] if first.size else np.eye(4)
+            last = np.maximum.accumulate(np.where(good[i], np.arange(len(frames)), -1))
+            poses[i] = np.where((last >= 0)[:, None, None], poses[i, np.maximum(last, 0)], start)
         ever: NDArray[np.bool_] = np.logical_or.reduce(good, axis=1)
         self._last_pose[kind] = np.where(ever[:, None, None], poses[:, -1], before)
         return poses

@@ -78,6 +78,6 @@ def _opposed(pad_contact: PadContact, finger: int, other: int, body: int, times:
         return samples[np.searchsorted(middles, times)]
 
     known: tuple[Array, NDArray[np.bool_]] | None = pad_contact.kept.get(("opposed", first, second, body, len(times)))
-    if known is None or not np.array_equal(known[0], times):
+    if known is None or not (known[0] is times or np.array_equal(known[0], times)):
         known = pad_contact.kept["opposed", first, second, body, len(times)] = (times, at_times())
     return known[1]

@@ -63,6 +63,7 @@ class PadSampler:
         self.renew(scene)
         self._others = [] if fingers is None else [f for f in range(len(scene.fingers)) if f not in fingers]
         self._chunks: list[Chunk] = []
+        self._checked: dict[str, bytes] = {}  # linear maps of the last valid poses, by kind
         self._first = self._count = 0  # range of the samples that are kept
         self._pairs: dict[tuple[int, int], PairRecord] = {}
         self._maps: dict[int, _Map] = {}  # the last of each body: most bodies keep theirs from chunk to chunk
@@ -109,7 +110,10 @@ class PadSampler:
         bodies = self._repairs.poses("object", names[1], chunk.bodies, chunk.frames)
         screens = self._repairs.poses("screen", names[2], chunk.screens, chunk.frames)
         for kind, known, poses in zip(("finger", "object", "screen"), names, (fingers, bodies, screens), strict=True):
-            check_scales(kind, known, poses, chunk.frames)
+            maps = poses[:, :, :3, :3].tobytes()
+            if maps != self._checked.get(kind):
+                check_scales(kind, known, poses, chunk.frames)
+                self._checked[kind] = maps
         check_animated(scene, chunk)
         self._chunks.append(Chunk(chunk.frames, chunk.times, fingers, bodies, screens, {}, chunk.animated))
         own = self._radius.over(chunk)
@@ -295,7 +299,8 @@ class PadSampler:
     def _deformed(self, b: int, mesh: Mesh, carry: Array) -> Surface:
         """Return the surface of a deforming body; the last one if neither mesh nor scale has changed."""
         last = self._stretched.get(b)
-        if last is None or last[0] is not mesh or not alike(carry[None], last[1])[0]:
+        same = last is not None and (last[1].tobytes() == carry.tobytes() or bool(alike(carry[None], last[1])[0]))
+        if last is None or last[0] is not mesh or not same:
             last = self._stretched[b] = (mesh, carry, carried(mesh, carry))
         return last[2]
 

@@ -16,7 +16,7 @@ from ._core import DermisError, core
 from .devices import active_presets
 from .placing import presses, surfaces
 from .properties import skin_properties
-from .quantities import metres_per_unit
+from .quantities import length_text, metres_per_unit
 from .sampling import participants
 
 HUGE = 3.0  # [m] objects that a fingertip touches are usually smaller than this
@@ -184,7 +184,7 @@ def _finger(finger: bpy.types.Object, unit: float) -> Iterator[Doubt]:
     own = skin_properties.lengths(finger.dermis.finger.skin)["length"]
     bones = [length * unit for length in _bone_lengths(finger)]
     if bones and all(not 1.0 / UNLIKE < own / bone < UNLIKE for bone in bones):
-        text = f"{finger.name} is {1e3 * own:.3g} mm long, its bone {1e3 * bones[0]:.3g} mm"
+        text = f"{finger.name} is {length_text(own)} long, its bone {length_text(bones[0])}"
         yield Doubt("finger-size", finger.name, text, "Make It as Long as Its Bone")
 
 
@@ -193,7 +193,7 @@ def _unlike(finger: bpy.types.Object, fingers: Sequence[bpy.types.Object]) -> It
     others = _others_width(finger, fingers)
     width = skin_properties.lengths(finger.dermis.finger.skin)["width"]
     if others and not 1.0 / OUTLIER < width / others < OUTLIER:
-        text = f"{finger.name} is {1e3 * width:.3g} mm wide, the other fingers of its hand {1e3 * others:.3g} mm"
+        text = f"{finger.name} is {length_text(width)} wide, the other fingers of its hand {length_text(others)}"
         yield Doubt("finger-unlike", finger.name, text, "Make It as Wide as the Others")
 
 
@@ -206,7 +206,7 @@ def _off_skin(
         return
     miss = unit * (spot.point - finger.matrix_world.translation).length
     if miss > fingertip_mesh.OFF * skin_properties.lengths(finger.dermis.finger.skin)["width"]:
-        text = f"The pad of {finger.name} is {1e3 * miss:.3g} mm off the skin of its hand"
+        text = f"The pad of {finger.name} is {length_text(miss)} off the skin of its hand"
         yield Doubt("pad-off-skin", finger.name, text, "Put It on the Skin")
 
 

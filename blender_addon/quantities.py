@@ -15,6 +15,11 @@ def metres_per_unit(scene: bpy.types.Scene) -> float:
     return 1.0 if settings.system == "NONE" else float(f"{settings.scale_length:.7g}")
 
 
+def length_text(metres: float) -> str:
+    """Return a length for people with three digits: millimetres below a metre."""
+    return f"{metres:.3g} m" if metres >= 1.0 else f"{1e3 * metres:.3g} mm"
+
+
 def quantity(value: float, unit: str) -> str:
     """Return a number for people: millimetres below a metre, degrees for radians."""
     if unit == "m":

@@ -3,29 +3,14 @@
 # mypy: disable-error-code="valid-type"
 # No postponed annotations here: Blender reads the properties from them when a class is registered.
 
-from typing import Any
-
 import bpy
 from bpy.props import CollectionProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
-from .. import choices
 from ..compat import BLEND_RELATIVE
 from ..devices import active_presets
-from ..properties.fields import unfelt
+from ..properties.fields import device_name, unfelt
 from ..registration import registration
 from . import design_results
-
-
-def _platforms(_self: Any, _context: Any, text: str) -> list[str]:
-    return [k for k in choices.search("devices", text) if choices.kind_of(k) in active_presets.kinds("platform")]
-
-
-def _platform_names(_self: Any, _context: Any, text: str) -> list[str]:
-    return [choices.label("devices", key) for key in _platforms(_self, _context, text)]
-
-
-def _named(self: Any, name: str) -> None:
-    self.device = choices.key_of("devices", name)
 
 
 class DermisDesignTouch(bpy.types.PropertyGroup):
@@ -48,17 +33,11 @@ class DermisDesign(bpy.types.PropertyGroup):
         name="Device",
         description="Preset of the platform whose number of motors is to be reduced",
         default="cable_platform",
-        search=_platforms,
         options=set(),
         update=unfelt,
     )
-    device_name: StringProperty(
-        name="Device",
-        description="Platform whose number of motors is to be reduced",
-        search=_platform_names,
-        get=lambda self: choices.label("devices", self.device),
-        set=_named,
-        options={"SKIP_SAVE"},
+    device_name: device_name(
+        "device", "Platform whose number of motors is to be reduced", kinds=lambda: active_presets.kinds("platform")
     )
     touches: CollectionProperty(description="Touches that the motors have to render", type=DermisDesignTouch)
     active_touch: IntProperty(

@@ -149,7 +149,7 @@ def swept(
                     done, total = next(steps)
             except StopIteration as stop:
                 return model, stop.value
-            yield core.pipeline.bake.Progress("table", done, total)
+            yield core.pipeline.bake.Progress("platform configurations", done, total)
 
 
 def folder() -> Path:

@@ -8,6 +8,7 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from .. import choices
 from ..demos import demo_motors, demo_pins, demo_scene, demo_skin, demo_stage, demo_thimble, touches
+from ..properties.fields import device_name
 from .work import Work
 
 
@@ -130,10 +131,6 @@ class DERMIS_OT_demo_thimble_scene(_Demo, bpy.types.Operator):
         return demo_thimble.build(self.touch)
 
 
-def _named(self: Any, name: str) -> None:
-    self.device = choices.key_of("devices", name)
-
-
 class DERMIS_OT_demo_motors_scene(_Demo, bpy.types.Operator):
     """Open one of the paper's six interactions in a new scene: a flat surface, moved by a trembling hand, touches the
     finger three times"""
@@ -148,14 +145,7 @@ class DERMIS_OT_demo_motors_scene(_Demo, bpy.types.Operator):
     device: StringProperty(
         name="Device", description="Device preset, by its file name", default=touches.PLATFORM, options={"HIDDEN"}
     )
-    device_name: StringProperty(
-        name="Device",
-        description="Device of the finger",
-        search=lambda _self, _context, text: [choices.label("devices", k) for k in choices.search("devices", text)],
-        get=lambda self: choices.label("devices", self.device),
-        set=_named,
-        options={"SKIP_SAVE"},
-    )
+    device_name: device_name("device", "Device of the finger")
     seed: IntProperty(name="Seed", description="Seed of the hand's tremor", default=0, min=0, soft_max=100)
 
     def build(self) -> bpy.types.Scene:

@@ -11,6 +11,7 @@ from .._core import DermisError
 from ..polls import needs
 from ..preferences import library
 from ..properties import object_properties, scene_properties
+from ..properties.fields import device_name
 from .work import Chooser, Work, chosen
 
 
@@ -41,7 +42,8 @@ class DERMIS_OT_add_device(Work, bpy.types.Operator):
     bl_label = "Add Device"
     bl_options = {"REGISTER", "UNDO"}
 
-    preset: StringProperty(name="Device", description="Key of a device preset")
+    preset: StringProperty(name="Device", description="Key of a device preset", options={"HIDDEN"})
+    device_name: device_name("preset", "Device that the finger gets")
     finger: StringProperty(name="Finger", description="Object name; empty for the active object")
 
     @classmethod

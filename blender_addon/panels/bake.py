@@ -17,6 +17,7 @@ from .main import DermisPanel, export_box, working
 
 SEVERITY_ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
 MAX_FINDINGS = 12
+PLACES = ("finger '", "object '", "objects '", "screen '")  # where a finding may be gone to
 
 
 @needs(lambda context: summary.of(context.scene).fingers)
@@ -207,15 +208,17 @@ class DERMIS_PT_findings(DermisPanel, bpy.types.Panel):
             head = f"{finding.where}: {finding.what}" if finding.where else finding.what
             if finding.count > 1 and str(finding.count) not in finding.what:
                 head += f" ({finding.count:,} samples)" if finding.frame is not None else f" (count: {finding.count:,})"
-            paragraph(text, context, head, SEVERITY_ICONS[finding.severity], inset=36.0)
+            goes = finding.frame is not None or finding.where.startswith(PLACES)
+            inset = 36.0 if goes else 16.0
+            paragraph(text, context, f"{head}.", SEVERITY_ICONS[finding.severity], inset=inset)
             if finding.value is not None or finding.limit:
                 value = f"{finding.value:.4g}" if isinstance(finding.value, float) else finding.value
-                parts = [f"found {value}"] if value is not None else []
-                parts += [f"allowed: {finding.limit}"] if finding.limit else []
-                paragraph(text, context, "; ".join(parts), "BLANK1", inset=36.0)
+                parts = [f"Found: {value}."] if value is not None else []
+                parts += [f"Allowed: {finding.limit}."] if finding.limit else []
+                paragraph(text, context, " ".join(parts), "BLANK1", inset=inset)
             if finding.remedy:
-                paragraph(text, context, finding.remedy, "BLANK1", inset=36.0)
-            if finding.frame is not None or finding.where.startswith(("finger '", "object '", "objects '", "screen '")):
+                paragraph(text, context, f"{finding.remedy}.", "BLANK1", inset=inset)
+            if goes:
                 row.operator("dermis.go_to_finding", text="", icon="VIEWZOOM", emboss=False).index = index
         if len(numbered) > MAX_FINDINGS:
             self.layout.label(text=f"and {len(numbered) - MAX_FINDINGS} more")

@@ -235,7 +235,7 @@ class DERMIS_PT_device(DermisPanel, bpy.types.Panel):
         device = finger.devices[finger.active_device]
         editable(layout, context.object)
         row = layout.row(align=True)
-        row.prop(device, "preset", text="", icon=choices.icon(choices.kind_of(device.preset)))
+        row.prop(device, "preset_name", text="", icon=choices.icon(choices.kind_of(device.preset)))
         own_presets(row, "devices")
         if what := choices.description("devices", device.preset):
             paragraph(layout, context, what)

@@ -12,13 +12,13 @@ radians (Blender shows degrees).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from .. import changes, redraw
+from .. import changes, choices, redraw
 from .._core import core
 from ..compat import BLEND_RELATIVE
 
@@ -66,6 +66,37 @@ def redrawn(self: Any, context: Any) -> None:
     if isinstance(self.id_data, bpy.types.Scene):
         unfelt(self, context)
     redraw.request()
+
+
+def device_name(
+    saved: str, description: str, *, kinds: Callable[[], Collection[str]] | None = None, worn: bool = False
+) -> Any:
+    """Return a property that shows and takes the name of a device preset; another property holds the key.
+
+    Args:
+        saved: property with the key.
+        kinds: function that returns the kinds of devices that are offered; None for all kinds.
+        worn: the device is one that an object wears. Then what a bake depends on leaves the name out, since names are
+            known only after presets were read; and it may be set on overrides of linked objects.
+    """
+
+    def offered(_self: Any, _context: Any, text: str) -> list[str]:
+        own = None if kinds is None else kinds()
+        keys = (key for key in choices.search("devices", text) if own is None or choices.kind_of(key) in own)
+        return [choices.label("devices", key) for key in keys]
+
+    def named(self: Any, name: str) -> None:
+        setattr(self, saved, choices.key_of("devices", name))
+
+    return StringProperty(
+        name="Device",
+        description=description,
+        search=offered,
+        get=lambda self: choices.label("devices", getattr(self, saved)) if getattr(self, saved) else "",
+        set=named,
+        options={"SKIP_SAVE", "HIDDEN"} if worn else {"SKIP_SAVE"},
+        override=OVERRIDE if worn else set(),
+    )
 
 
 def declared(

@@ -16,7 +16,7 @@ from bpy.props import CollectionProperty, EnumProperty, IntProperty, PointerProp
 from .. import choices
 from .._core import core
 from ..registration import registration
-from .fields import OVERRIDE, apply, declare_one, declared, switch, touched, unfelt, values
+from .fields import OVERRIDE, apply, declare_one, declared, device_name, switch, touched, unfelt, values
 from .screen_properties import DermisScreen
 from .skin_properties import DermisSkin
 
@@ -31,13 +31,9 @@ class DermisDevice(bpy.types.PropertyGroup):
 
     identity: StringProperty(description="Identity that stays when names change", options={"HIDDEN"}, override=OVERRIDE)
     preset: StringProperty(
-        name="Device",
-        description="Device preset, by its file name",
-        search=lambda _self, _context, text: choices.search("devices", text),
-        options=set(),
-        update=touched,
-        override=OVERRIDE,
+        name="Device", description="Device preset, by its file name", options=set(), update=touched, override=OVERRIDE
     )
+    preset_name: device_name("preset", "Preset of this device", worn=True)
     enabled: switch("Enabled", "Bake a track for this device", True)
     screen: PointerProperty(
         name="Screen",

@@ -267,7 +267,8 @@ def test_stopping_half_way_changes_nothing(baked) -> None:
 
 
 def test_the_panel_lists_only_platforms(own_folders) -> None:  # noqa: F811
-    from blender_addon.design.design_properties import _platforms
+    from blender_addon.design.design_properties import DermisDesign
 
-    assert set(_platforms(None, None, "")) == {"cable_platform", "hexapod"}
-    assert _platforms(None, None, "six") == ["hexapod"]
+    search = DermisDesign.__annotations__["device_name"].keywords["search"]
+    assert set(search(None, None, "")) == {"Cable platform (3 motors)", "Six-leg platform (6 motors)"}
+    assert search(None, None, "six") == ["Six-leg platform (6 motors)"]

@@ -89,6 +89,12 @@ def test_a_dot_on_a_large_hand_becomes_as_long_as_its_bone() -> None:
     finger = new_finger()
     finger.parent, finger.parent_type, finger.parent_bone = rig.armature, "BONE", rig.last["index"]
     finger.dermis.finger.skin.alpha = 0.7
+    rig.armature.scale = (100.0, 100.0, 100.0)
+    bpy.context.view_layer.update()
+    told = [doubt.text for doubt in doubts.look(bpy.context.scene, bpy.context.view_layer)]
+    assert any(text.endswith("is 24 mm long, its bone 50 m") for text in told), "no figure with an exponent"
+    rig.armature.scale = (1.0, 1.0, 1.0)
+    bpy.context.view_layer.update()
     mend("finger-size")
     assert finger.dermis.finger.skin.length_mm == pytest.approx(500.0, rel=1e-3)  # the phalanx before: 25 mm by 20
     assert finger.dermis.finger.skin.width_mm == pytest.approx(16.0 * 500.0 / 24.0, rel=1e-3)

@@ -14,6 +14,7 @@ from blender_addon import choices, layouts, panels, reporting
 from blender_addon._core import Finding, core
 from blender_addon.demos import demo_pins, touches
 from blender_addon.properties import fields
+from blender_addon.sampling import scene_content
 from blender_addon.viewport import shown as views
 
 from .build import cube, finger
@@ -124,6 +125,35 @@ def test_exaggeration_is_offered_for_a_tactor_alone(worn: Any) -> None:
         layout.noted.clear()
         Panel(panels.preview.DERMIS_PT_preview, layout).draw(bpy.context)
         assert ("twin_exaggeration" in dict(layout.noted)) == tactor
+
+
+def test_a_finding_is_told_in_whole_sentences() -> None:
+    row = Finding("warning", "pad", "a pad is off", "armature 'Arm'", "index 2 mm off", "1 mm", remedy="Move it")
+    reporting.show([row], "Attach", bpy.context.scene)
+    layout = Anything()
+    Panel(panels.bake.DERMIS_PT_findings, layout).draw(bpy.context)
+    text = " ".join(filter(None, layout.words))
+    assert "Arm': a pad is off. Found: index 2 mm off. Allowed: 1 mm. Move it." in text
+
+
+def test_a_device_is_shown_and_chosen_by_its_name(worn: Any) -> None:
+    choices.refresh()
+    worn.dermis.finger.active_device = 0
+    device = worn.dermis.finger.devices[0]
+    for key, name in (("hexapod", "Six-leg platform (6 motors)"), ("haptip", "HapTip shear tactor")):
+        device.preset_name = name
+        assert (device.preset, device.preset_name) == (key, name)
+        layout = Noting()
+        Panel(panels.object.DERMIS_PT_device, layout).draw(bpy.context)
+        assert "preset" not in dict(layout.noted) and "preset_name" in dict(layout.noted)
+    assert "preset_name" not in {
+        name for name, _ in scene_content._plan(type(device))
+    }  # it changes as presets are read
+    assert bpy.ops.dermis.add_device("EXEC_DEFAULT", True, preset="haptip") == {"FINISHED"}
+    done = bpy.context.window_manager.operators[-1]
+    assert (done.preset, done.device_name) == ("haptip", "HapTip shear tactor")
+    own = bpy.ops.dermis.add_device.get_rna_type().properties
+    assert own["preset"].is_hidden and not own["device_name"].is_hidden
 
 
 def test_a_platform_is_chosen_by_its_name() -> None:

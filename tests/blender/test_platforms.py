@@ -147,7 +147,7 @@ def test_bake_makes_the_table_with_progress_and_export_passes_the_check(demo, tm
     from blender_addon.preferences import library as presets
 
     bake = drain(baking.bake(scene, presets()), lambda p: stages.append(p.stage))
-    assert "table" in stages and not platform_devices.missing(finger, finger.dermis.finger.devices[0])
+    assert "platform configurations" in stages and not platform_devices.missing(finger, finger.dermis.finger.devices[0])
     store.keep(scene, bake)
     assert bpy.ops.dermis.export_tracks(directory=str(tmp_path / "tracks")) == {"FINISHED"}
     track = core.track.csv.read(tmp_path / "tracks" / "Index.cable_platform.csv")

@@ -31,6 +31,7 @@ PRESETS: Mapping[str, tuple[str, ...]] = {
     "ring": _INDEX,
     "little": ("little_medium",),
 }
+ON_SKIN = "on skin"
 HUMAN = (0.25, 4.0)  # scales of presets in a person's hand; beyond these, the units may be wrong
 POINTS = (0.5, 2.0)  # scales of presets for which points of the skin, 0.1 to 0.8 mm apart, are fine enough
 _LENGTHS = core.parameters.skin.LENGTHS
@@ -93,11 +94,17 @@ def told(fitted: Fit) -> str:
     return f"{1e3 * fitted.width:.1f} mm wide, {where(fitted)}"
 
 
-def where(fitted: Fit) -> str:
-    """Return a text on whether a pad lies on skin."""
+def where(fitted: Fit, *, short: bool = False) -> str:
+    """Return a text on whether a pad lies on skin.
+
+    Args:
+        short: for the panel of the last operation, where a long text would be cut.
+    """
     if fitted.miss is None:
-        return "no skin found"
-    return f"{1e3 * fitted.miss:.1f} mm off the skin" if misses(fitted) else "on the skin"
+        return "no skin" if short else "no skin found"
+    if not misses(fitted):
+        return ON_SKIN if short else "on the skin"
+    return f"{1e3 * fitted.miss:.1f} mm off" + ("" if short else " the skin")
 
 
 def _chain(rig: Rig, hand: Hand, tip: Tip) -> Chain:
@@ -142,17 +149,19 @@ def _scaled(preset: _Values, fitted: Fit) -> dict[str, Any]:
 
 def _judge(rig: Rig, tip: Tip, values: _Values) -> None:
     """Raise a `DermisError` for lengths that a skin cannot have."""
-    lengths = [values[name] for name in _LENGTHS]
-    row = _LENGTHS["length"]
-    if max(lengths) > row.high or min(lengths) < row.low:
-        raise DermisError(
-            "this fingertip's size is out of range for a skin",
-            where=f"{rig.where}, {tip.finger} finger",
-            value=f"{values['length']:.4g} m long",
-            limit=f"each of its lengths from {1e3 * row.low:g} mm to {row.high:g} m",
-            remedy="Set the unit in Scene Properties > Units (Metric, Unit Scale 0.001 for millimetres), or "
-            "scale the armature",
-        )
+    for name, row in _LENGTHS.items():
+        small = values[name] < row.low
+        if small or values[name] > row.high:
+            size, way = ("small", "up") if small else ("large", "down")
+            unit = "1 for metres" if small else "0.001 for millimetres"
+            raise DermisError(
+                f"this fingertip is too {size} for a skin",
+                where=f"{rig.where}, {tip.finger} finger",
+                value=f"{row.label} {1e3 * values[name]:.3g} mm",
+                limit=f"from {1e3 * row.low:g} to {1e3 * row.high:g} mm",
+                remedy=f"Scale the armature {way}, or set the unit in Scene Properties > Units (Metric, Unit Scale "
+                f"{unit})",
+            )
 
 
 def _make(context: bpy.types.Context, name: str, values: _Values, preset: str) -> bpy.types.Object:
@@ -213,7 +222,7 @@ def _doubts(rig: Rig, hand: Hand, found: Nails, tips: Sequence[Tip], fits: Seque
     if bare:
         doubt(
             "hand-without-skin",
-            "some fingers have no skin round their last bones, so their sizes and places follow from the bones",
+            "some fingers have too little skin round their last bones, so their sizes and places follow from the bones",
             "Show the hand's mesh, and check that its vertex groups have the names of deforming bones",
             value=", ".join(bare),
         )

@@ -15,7 +15,7 @@ from .._core import Array
 MIDDLE = 0.54  # height of the widest part, where joints lie, above the pad, as a share of the thickness
 _SAME = 0.07  # log of the scale below which a preset is taken unscaled, because tables of its skin are shipped
 _STEPS = 4  # number of iterations in which place and size are found from each other
-_FEWEST = 8  # least number of triangles, and of points, of a surface
+FEWEST = 8  # least number of triangles, and of points, of a surface
 _TRUSTED = (0.4, 2.5)  # size by a surface over size by the bone; outside, the surface is not that of the finger
 
 
@@ -70,7 +70,7 @@ def fit(
     size = presets[key]
     place = np.array([0.0, length * unit - scale * size["tip"], -scale * MIDDLE * size["thickness"]])
     on_skin = False
-    if triangles is not None and len(triangles) >= _FEWEST:
+    if triangles is not None and len(triangles) >= FEWEST:
         here = (triangles - joint) @ axes * unit
         found = _on_skin(here, length * unit, presets, key, scale)
         if found is not None and _TRUSTED[0] < found[2] / by_bone < _TRUSTED[1]:
@@ -146,7 +146,7 @@ def _on_skin(
     """
     points = triangles.reshape(-1, 3)
     points = points[points[:, 1] > 0.3 * length]
-    if len(points) < _FEWEST:
+    if len(points) < FEWEST:
         return None
     low, high = points[:, 2].min(), points[:, 2].max()
     tip = float(points[points[:, 2] <= low + 0.6 * (high - low), 1].max())  # nails and claws reach beyond it

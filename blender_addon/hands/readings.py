@@ -42,7 +42,7 @@ def found_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> li
     """
     judge = _Judge(bones, weighted)
     groups: list[list[Hand]] = []
-    for hand in (*named_hands(bones, weighted), *branched_hands(bones, weighted)):
+    for hand in _proposed(bones, weighted):
         if not all(np.ptp(joints(bones, chain)[-2:], axis=0).any() for chain in hand.chains.values()):
             continue  # a last phalanx of no length: such chains of markers, as robots have them, are no fingers
         hand = judge.judged(hand)
@@ -57,11 +57,31 @@ def found_hands(bones: Mapping[str, Bone], weighted: Collection[str] = ()) -> li
     return sorted(told or best, key=lambda hand: -hand.score)
 
 
+def _proposed(bones: Mapping[str, Bone], weighted: Collection[str]) -> list[Hand]:
+    """Return the readings of all methods.
+
+    Controls beside the bones that move the skin hide how these branch. So they branch once more without such bones,
+    which leaves out the bones at ends, too: a reading that differs only in its ends is no other reading.
+    """
+    found = [*named_hands(bones, weighted), *branched_hands(bones, weighted)]
+    kept = {above for name in weighted if name in bones for above in ancestors(bones, name)}
+    if len(kept) < len(bones):
+        known = [_fingers(hand) for hand in found]
+        skinned = branched_hands({name: bone for name, bone in bones.items() if name in kept}, weighted)
+        found += [hand for hand in skinned if _fingers(hand) not in known]
+    return found
+
+
+def _fingers(hand: Hand) -> dict[str, tuple[str, ...]]:
+    return {finger: chain.bones for finger, chain in hand.chains.items()}
+
+
 def _same(one: Hand, other: Hand) -> bool:
     """Return whether two readings are of one hand."""
     if one.side and other.side:
         return one.side == other.side
-    return not one.every_bone.isdisjoint(other.every_bone)
+    # Layers of bones, such as controls and deforming bones, may share nothing but the palm.
+    return not one.every_bone.isdisjoint(other.every_bone) or one.wrist == other.wrist != ""
 
 
 def _best(group: list[Hand]) -> Hand:
@@ -140,5 +160,8 @@ def _opposed(lines: Mapping[str, Array], wrist: Array | None) -> float:
     start = np.mean([line[0] for line in lines.values()], axis=0) if wrist is None else wrist
     if not opposes(start, lines[thumb], others):
         return -1.0
-    near, far = (float(np.linalg.norm(line[0] - lines[thumb][0])) for line in (others[0], others[-1]))
+    # Its first joint may lie at the wrist, as far from the little finger as from the index. Its middle lies nearer to
+    # the index.
+    middle = lines[thumb].mean(axis=0)
+    near, far = (float(np.linalg.norm(line[0] - middle)) for line in (others[0], others[-1]))
     return 1.0 if near <= far else 0.0

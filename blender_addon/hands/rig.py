@@ -12,6 +12,7 @@ from .._core import Array, DermisError
 from . import armatures
 from .bone_names import LEFT, RIGHT
 from .bound_skin import BoundSkin, bound_skin, own_skin
+from .fingertip_fit import FEWEST
 from .nails import Nails, bend_of_turns, curl, nails
 from .readings import found_hands
 from .skeleton import Bone, Chain, Hand, along_body, ancestors, joints, wrist_at
@@ -90,14 +91,21 @@ class Rig:
     def skin_of(self, chain: Chain) -> Array | None:
         """Return the skin round a chain's last bone at rest, as triangles.
 
-        Their shape is (t, 3, 3). The result is None if there is no skin.
+        If too few triangles follow it, as on a coarse mesh, those of the bone before are returned, too. Their shape is
+        (t, 3, 3). The result is None if there is no skin.
         """
         skin = self.skin.round(chain.last, chain.end)
+        if skin is None or len(skin) < FEWEST:
+            skin = self.skin.round(*chain.bones[-2:], chain.end)
         if skin is None:
             return None
         back = np.linalg.inv(self.move(chain.last))
         rested: Array = skin @ back[:3, :3].T + back[:3, 3]
         return rested
+
+    def has_skin(self, hand: Hand) -> bool:
+        """Return whether vertices follow any of a hand's fingertips."""
+        return not self.skin.bones.isdisjoint(chain.last for chain in hand.chains.values())
 
 
 def read(context: bpy.types.Context) -> Rig:

@@ -92,7 +92,8 @@ class Hand:
     @property
     def told(self) -> str:
         """Text on how the fingers were found."""
-        return f"By {self.source}; names agree for {self.named_fingers} of {len(self.chains)} fingers"
+        how = {"names": "names", "branches": "how the bones branch"}[self.source]
+        return f"Found by {how}; names agree for {self.named_fingers} of {len(self.chains)} fingers"
 
     def difference(self, other: Hand) -> str:
         """Return a text on the fingertips that another reading places differently."""

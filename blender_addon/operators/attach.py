@@ -10,18 +10,20 @@ from typing import TYPE_CHECKING, Any
 import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from .. import choices, layouts, reporting
+from .. import layouts, reporting
 from .._core import DermisError, Finding
 from ..hands import FINGERS, LEFT, RIGHT, armatures, attachment, rig
 from ..polls import needs
 from ..preferences import library
 from ..properties import scene_properties
+from ..properties.fields import device_name
 from .work import Work, counted, select_only, zoom
 
 if TYPE_CHECKING:
     from ..hands.skeleton import Hand
 
 REDO_PANEL = 300.0  # [px at scale 1] width of the redo panel, whatever its contents
+COLUMNS = (0.29, 0.45)  # share of it for a finger's name, and share of the rest for the width
 SIDES = {LEFT: "left hand", RIGHT: "right hand", "": "hand"}
 
 
@@ -75,7 +77,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         name="Hand",
         description="Hands that get fingertips",
         items=(
-            ("AUTO", "Auto", "The hand of the active bone; without one, the right hand"),
+            ("AUTO", "Auto", "The hand of the active bone; without one, the right hand, unless only the left has skin"),
             (LEFT, "Left", "The left hand"),
             (RIGHT, "Right", "The right hand"),
             ("BOTH", "Both", "Both hands"),
@@ -90,11 +92,8 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         min=1,
         options={"SKIP_SAVE"},
     )
-    device: StringProperty(
-        name="Device",
-        description="Preset of a device for each finger. If empty, no device is added",
-        search=lambda _self, _context, text: choices.search("devices", text),
-    )
+    device: StringProperty(name="Device", description="Key of a device preset; empty for none", options={"HIDDEN"})
+    device_name: device_name("device", "Device for each finger. If empty, no device is added")
     skin: BoolProperty(name="Show Skin", description="Simulate and show the skin of each finger")
     tips: CollectionProperty(
         name="Fingertips", description="Fingers and their bones", type=DermisTip, options={"SKIP_SAVE"}
@@ -139,7 +138,7 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             tips = [attachment.Tip(t.name, t.bone, t.flip, size.said) for t, size in rows]
             fingers, said, fits = attachment.attach(context, hung, hand, tips, side)
             for k, fitted in zip(used, fits, strict=True):
-                lines[k] = attachment.where(fitted)
+                lines[k] = attachment.where(fitted, short=True)
                 if not self.sizes[k].said:
                     self.sizes[k].width_mm = self.sizes[k].found_mm = 1e3 * fitted.width
             made += fingers
@@ -150,9 +149,10 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         reporting.report_findings(self, doubts, self.bl_label, f"{what}.")
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw two rows for each finger.
+        """Draw a heading, and two rows for each finger.
 
-        The first has its switch, its bone and its flip. The second has its width and its distance from the skin.
+        The first has its switch, its width and its distance from the skin. The second has its bone, over the whole
+        width since names of bones are long, and its flip.
         """
         layout: Any = self.layout
         armature: Any = armatures.armature_of(context.object)
@@ -162,23 +162,28 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
             layouts.words(layout, line, REDO_PANEL)
         column = layout.column(align=True)
         lines = self.fits.split("\n")
+        head = column.split(factor=COLUMNS[0])
+        head.label(text="")
+        head = head.split(factor=COLUMNS[1])
+        for text in ("Width [mm]", "Pad"):
+            head.label(text=text)
         for k, tip in enumerate(self.tips):
-            row = column.row(align=True)
+            row = column.split(factor=COLUMNS[0])
             row.prop(tip, "use", text=f"{tip.name.title()} {tip.side}".rstrip())
-            bone = row.row(align=True)
+            if tip.use and k < min(len(lines), len(self.sizes)) and lines[k]:
+                row = row.split(factor=COLUMNS[1])
+                row.prop(self.sizes[k], "width_mm", text="")
+                row.label(text=lines[k], icon="NONE" if lines[k] == attachment.ON_SKIN else "ERROR")
+            bone = column.row(align=True)
             bone.active = tip.use
             if armature is None or (tip.bone and tip.bone not in armature.data.bones):  # of several parts
                 bone.prop(tip, "bone", text="")
             else:
                 bone.prop_search(tip, "bone", armature.data, "bones", text="")
             bone.prop(tip, "flip", text="", icon="UV_SYNC_SELECT", toggle=True)
-            if tip.use and k < min(len(lines), len(self.sizes)) and lines[k]:
-                row = column.row()
-                row.prop(self.sizes[k], "width_mm")
-                row.label(text=lines[k], icon="NONE" if " off" not in lines[k] else "ERROR")
         column = layout.column()
         column.use_property_split = True
-        column.prop(self, "device", placeholder="None")
+        column.prop(self, "device_name", placeholder="None")
         column.prop(self, "skin")
 
     def _hands(self, hung: "rig.Rig") -> "dict[str, Hand]":
@@ -201,6 +206,8 @@ class DERMIS_OT_attach_fingers(Work, bpy.types.Operator):
         if self.hand == "BOTH":
             return sides
         if self.hand == "AUTO":
+            if not hung.picked:
+                sides = {side: hand for side, hand in sides.items() if hung.has_skin(hand)} or sides
             side = next(iter(sides)) if hung.picked or RIGHT not in sides else RIGHT
             return {side: sides[side]}
         only = next(iter(sides.values()))

@@ -186,9 +186,74 @@ def test_a_mirrored_armature_is_a_hand_of_the_other_side(skin: bool, bend: float
 
 def test_millimetres_without_units_are_refused_with_the_way_out() -> None:
     made("Unreal", scale=1.0)
-    with pytest.raises(RuntimeError, match=r"size is out of range for a skin.*Unit Scale 0.001"):
+    words = r"too large for a skin \(found 'Width .*2000 mm\). Scale the armature down.*Unit Scale 0.001"
+    with pytest.raises(RuntimeError, match=words):
         bpy.ops.dermis.attach_fingers()
     assert fingers() == {} and not any(m.name.startswith("Fingertip") for m in bpy.data.meshes if m.users)
+
+
+def test_a_hand_too_small_for_a_skin_is_refused_by_the_length_that_is_too_small() -> None:
+    """One of its lengths alone is out of range, so the length of the whole fingertip would tell nothing."""
+    made("Unreal", scale=1e-5)
+    words = (
+        r"too small for a skin \(found 'Nail to Tip 0.0\d+ mm'; allowed: from 0.05 to 2000 mm\). Scale the armature up"
+    )
+    with pytest.raises(RuntimeError, match=words):
+        bpy.ops.dermis.attach_fingers()
+
+
+def test_auto_takes_the_hand_that_has_skin() -> None:
+    bare, other = made("Unreal", "R", skin=False), made("Unreal", "L")
+    bpy.context.view_layer.update()
+    bpy.ops.object.select_all(action="DESELECT")
+    for rig in (bare, other):
+        rig.armature.select_set(True)
+    bpy.context.view_layer.objects.active = bare.armature
+    bpy.ops.object.join()  # the bones of both hands, of which a mesh follows the left one alone
+    other.skin.parent, other.skin.modifiers["Armature"].object = bare.armature, bare.armature
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert {obj.parent_bone for obj in fingers().values()} == set(other.last.values())
+    assert not reporting.findings()
+    assert bpy.ops.dermis.attach_fingers(hand="R") == {"FINISHED"}  # a person may want the bare one
+    assert {obj.parent_bone for obj in fingers().values()} >= set(bare.last.values())
+
+
+def test_a_coarse_skin_whose_tips_follow_the_bone_before_holds_the_pads() -> None:
+    """Of a mesh of few vertices, a last bone may move two triangles alone."""
+    rig = made("Unreal")
+    groups = {group.name: group for group in rig.skin.vertex_groups}
+    for last in rig.last.values():
+        own = groups[last]
+        followers = [v.index for v in rig.skin.data.vertices if any(g.group == own.index for g in v.groups)][:-2]
+        own.remove(followers)
+        groups[last.replace("03", "02")].add(followers, 1.0, "REPLACE")
+    bpy.context.view_layer.objects.active = rig.armature
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    assert not reporting.findings()
+    check(rig)
+
+
+def test_controls_beside_the_bones_of_the_skin_hide_no_finger() -> None:
+    """Each finger has three chains: for inverse kinematics, of controls, and of the bones that the mesh follows."""
+    rig = made("nameless")
+    bpy.context.view_layer.objects.active = rig.armature
+    bpy.ops.object.mode_set(mode="EDIT")
+    bones = rig.armature.data.edit_bones
+    for finger, last in rig.last.items():
+        chain = [bones[last].parent.parent, bones[last].parent, bones[last]]
+        base = bones.new(f"{finger}Base")
+        base.head, base.tail, base.parent = bones["Bone"].head.lerp(chain[0].head, 0.5), chain[0].head, bones["Bone"]
+        aim = bones.new(f"{finger}Tip_IK")
+        aim.head, aim.tail, aim.parent = chain[2].tail, 2.0 * chain[2].tail - chain[2].head, base
+        above = base
+        for bone in chain:
+            control = bones.new(f"{bone.name} control")
+            control.head, control.tail, control.parent = bone.head, bone.tail, above
+            above = control
+        chain[0].parent = base
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert bpy.ops.dermis.attach_fingers() == {"FINISHED"}
+    check(rig)
 
 
 def test_fingers_of_a_posed_hand_follow_it() -> None:
@@ -453,7 +518,7 @@ def test_fingers_without_skin_are_told(skin: bool) -> None:
     codes = {f.code for f in reporting.findings()}
     assert ("hand-without-skin" in codes) != skin and "pad-off-skin" not in codes
     operator = bpy.context.window_manager.operators[-1]
-    words = "on the skin" if skin else "no skin found"
+    words = "on skin" if skin else "no skin"
     lines = operator.fits.splitlines()
     assert len(operator.tips) == len(lines) == 5 and all(line == words for line in lines)
 
@@ -504,7 +569,7 @@ def test_the_panel_tells_the_reading_and_offers_the_next_best() -> None:
     told = bpy.context.window_manager.operators[-1].told.splitlines()
     assert told == [
         f"Right hand: interpretation 1 of {len(best.readings)}",
-        "By branches; names agree for 0 of 5 fingers",
+        "Found by how the bones branch; names agree for 0 of 5 fingers",
         f"Interpretation 2: {best.difference(second)}",
     ]
     for obj in fingers().values():

@@ -52,6 +52,7 @@ def saved(path: Path, tissue: str) -> Path:
     return path
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the command runs on both lines in test_design.py")
 def test_table_and_touch_are_of_the_tissue_that_the_scene_has(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,6 +1,7 @@
 """A table collected by workers on skin that follows the neo-Hookean law: as in one process, in a folder of its own."""
 
 import numpy as np
+import pytest
 
 from core.design.collect import collect
 from core.matching.readings import readings_of
@@ -13,6 +14,7 @@ from core.steps import drain
 ROWS = 64
 
 
+@pytest.mark.one_line("3.11", "numbers alone; test_collect.py has workers on both lines")
 def test_workers_press_the_tissue_that_they_are_told(tmp_path) -> None:
     skin, spec = fingertip_skin(level="draft").with_law(), Library().device("hexapod")
     whole = build(spec, skin, readings_of(skin), ROWS)

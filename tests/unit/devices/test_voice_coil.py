@@ -59,6 +59,7 @@ def test_an_actuator_makes_the_displacement_that_was_asked(hertz: float) -> None
     assert 2.0 * abs(np.mean(made * wave)) == pytest.approx(20e-6, rel=5e-3)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_onsets_come_when_they_were_asked() -> None:
     """A decaying sine at any time: what the actuator makes begins within a millisecond of it, always equally late."""
     coil, rate, late = measured(), 8000.0, []

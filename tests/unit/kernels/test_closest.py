@@ -129,6 +129,7 @@ def hinted(folder: Path) -> ctypes.CDLL:
     return own
 
 
+@pytest.mark.one_line("3.11", "it is C")
 @needs_gcc
 def test_hints_change_no_byte(tmp_path: Path) -> None:
     """Those of the frame before, any others, and numbers that are no slots."""
@@ -154,6 +155,7 @@ def test_hints_change_no_byte(tmp_path: Path) -> None:
             assert (hints[~near] == -1).all()
 
 
+@pytest.mark.one_line("3.11", "it is C")
 @needs_gcc
 def test_hints_change_no_byte_of_solids_that_run_through_each_other(tmp_path: Path) -> None:
     own, ball, rng = hinted(tmp_path), Surface.sphere(5e-3, 500), np.random.default_rng(0)

@@ -92,6 +92,7 @@ def control(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
     return ctypes.CDLL(str(folder / "a.so"))
 
 
+@pytest.mark.one_line("3.11", "it is C")
 @needs_gcc
 @pytest.mark.parametrize("flags", ["-march=x86-64-v2", "-O0", "-O3 -march=x86-64-v3"])
 def test_another_compiler_gives_the_same_bytes(flags: str, wanted: list[bytes], tmp_path: Path) -> None:
@@ -141,6 +142,7 @@ def test_denormal_numbers_are_kept(control: ctypes.CDLL) -> None:
     np.testing.assert_allclose(arrays.found["gap"], [2e-155, -2e-155], rtol=1e-6)
 
 
+@pytest.mark.one_line("3.13", "it is C")
 @needs_gcc
 def test_nothing_is_read_or_written_beside_the_arrays(tmp_path: Path) -> None:
     """Random arrays, numbers that are none, hints that are no triangles: under the address and undefined sanitizers."""

@@ -26,6 +26,7 @@ def test_every_example_is_judged_here() -> None:
     assert {path.stem for path in EXAMPLES.glob("*.py")} <= judged
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_sphere_and_edge(library: Installed) -> None:
     """Force grows faster than depth, as the contact grows; an edge's contact is a line, a ball's is round."""
     told = result(library, "sphere_and_edge.py")
@@ -87,6 +88,7 @@ def test_depth_map_to_volts(library: Installed) -> None:
     assert np.log10(friction[felt]) == pytest.approx(1.24 * np.log10(volts[felt]) - 1.05, abs=1e-6)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_how_many_motors(library: Installed) -> None:
     """A plate that only presses moves all cables together: one motor will do. One that rolls needs them apart."""
     told = result(library, "how_many_motors.py")

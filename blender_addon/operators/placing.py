@@ -167,7 +167,7 @@ def _free(finger: bpy.types.Object | None) -> bpy.types.Object:
             "it hangs on a bone",
             where=f"finger '{finger.name}'",
             value=finger.parent_bone,
-            remedy="Pose its hand, or clear its parent",
+            remedy="Pose its hand, move the object instead, or clear its parent",
         )
     return finger
 

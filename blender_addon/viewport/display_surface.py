@@ -150,9 +150,7 @@ class DisplaySurface(NamedTuple):
         record.moved, record.values = at + 64 * count, at + 88 * count
         record.positions = at = place(out)
         record.normals, record.shown = at + 24 * drawn, at + 48 * drawn
-        status = kernels.draw_skin(byref(record))
-        if status != core.kernels.records.DONE:
-            raise DermisError("a record for the kernels is damaged", where=kernels.path.name, value=status)
+        kernels.draw_skin(byref(record))
         vectors = out[: 6 * drawn].reshape(2, drawn, 3)
         told = np.array(record.centre), np.array(record.shear)
         return Fine(vectors[0], vectors[1], out[6 * drawn :], record.low, record.high, *told)

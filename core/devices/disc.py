@@ -310,11 +310,9 @@ class DiscContact:
 
 
 def _done(status: int, record: records.DiscRecord | records.SettledRecord) -> None:
-    """Raise an error if the kernels refused a record."""
+    """Raise an error if the kernels refused a point."""
     if status == records.NOT_FINITE:
         raise DermisError("a number in the contact with the disc is not finite", where=f"point {record.wrong}")
-    if status != records.DONE:
-        raise DermisError("a record for the kernels is damaged", where=kernels().path.name, value=status)
 
 
 def _degrees(points: NDArray[np.intp]) -> NDArray[np.intp]:

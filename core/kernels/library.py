@@ -13,7 +13,6 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
-from collections.abc import Callable
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -33,7 +32,7 @@ REMEDY = (
 class Kernels:
     """Functions of a library that fits this engine.
 
-    Each function takes one record and returns a status.
+    Each function takes one record and returns `DONE` or `NOT_FINITE`; an error tells of a damaged record.
 
     Args:
         path: path of the library.
@@ -50,23 +49,23 @@ class Kernels:
         try:
             library = ctypes.CDLL(str(path))
             library.dermis_sources.restype = library.dermis_layout.restype = ctypes.c_char_p
-            self.split, self.fit = _function(library.dermis_tree_split), _function(library.dermis_tree_fit)
-            self.fit_body, self.judge = _function(library.dermis_body_fit), _function(library.dermis_body_judge)
-            self.distances = _function(library.dermis_distances)
-            self.sweep, self.find_cells = _function(library.dermis_sweep), _function(library.dermis_find_cells)
-            self.law, self.rest = _function(library.dermis_evaluate_law), _function(library.dermis_rest_solve)
-            self.press_pieces = _function(library.dermis_press_pieces)
-            self.draw_skin = _function(library.dermis_draw_skin)
-            self.number_points, self.gaps = _function(library.dermis_number_points), _function(library.dermis_node_gaps)
-            self.expect, self.offset = _function(library.dermis_expect), _function(library.dermis_offset)
-            self.foresee, self.keep = _function(library.dermis_foresee), _function(library.dermis_keep)
-            self.drift, self.sum = _function(library.dermis_drift), _function(library.dermis_sum)
-            self.press_disc = _function(library.dermis_press_disc)
-            self.settle_disc = _function(library.dermis_settle_disc)
+            for name in records.HEADER.functions:
+                function = getattr(library, name)
+                function.argtypes, function.restype = (ctypes.c_void_p,), ctypes.c_int32
+                function.errcheck = self._checked
+            self.split, self.fit = library.dermis_tree_split, library.dermis_tree_fit
+            self.fit_body, self.judge = library.dermis_body_fit, library.dermis_body_judge
+            self.distances, self.gaps = library.dermis_distances, library.dermis_node_gaps
+            self.sweep, self.sum = library.dermis_sweep, library.dermis_sum
+            self.find_cells, self.number_points = library.dermis_find_cells, library.dermis_number_points
+            self.law, self.rest = library.dermis_evaluate_law, library.dermis_rest_solve
+            self.press_pieces, self.draw_skin = library.dermis_press_pieces, library.dermis_draw_skin
+            self.expect, self.offset = library.dermis_expect, library.dermis_offset
+            self.foresee, self.keep, self.drift = library.dermis_foresee, library.dermis_keep, library.dermis_drift
+            self.press_disc, self.settle_disc = library.dermis_press_disc, library.dermis_settle_disc
             self.avx2 = int(library.dermis_has_avx2())
-            found = [
-                bytes(told()).decode("ascii", "replace") for told in (library.dermis_sources, library.dermis_layout)
-            ]
+            own = library.dermis_sources(), library.dermis_layout()
+            found = [bytes(told).decode("ascii", "replace") for told in own]
         except (OSError, AttributeError) as error:
             raise DermisError(
                 f"the compiled kernels for {building.this_platform()} cannot be loaded",
@@ -85,6 +84,12 @@ class Kernels:
                 remedy=REMEDY,
                 code=CODE,
             )
+
+    def _checked(self, status: int, *_: Any) -> int:
+        """Return the status of a call; raise an error if it refused the record."""
+        if status == records.BAD_RECORD:
+            raise DermisError("a record for the kernels is damaged", where=self.path.name, value=status)
+        return status
 
 
 def kernels() -> Kernels:
@@ -183,16 +188,6 @@ def loaded_copy(path: Path, folder: Path) -> Kernels:
             with contextlib.suppress(OSError):  # a copy that another process has loaded is locked, and stays
                 other.unlink()
     return loaded
-
-
-def _function(function: Any) -> Callable[[Any], int]:
-    """Declare a function of the library, and return it.
-
-    It takes a pointer to one record, and returns a status.
-    """
-    function.restype, function.argtypes = ctypes.c_int32, (ctypes.c_void_p,)
-    called: Callable[[Any], int] = function
-    return called
 
 
 def _folders() -> list[Path]:

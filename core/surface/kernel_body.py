@@ -117,7 +117,7 @@ class KernelBody:
             wrong: index of a point, or -1 - index of a triangle, that it refused.
 
         Raises:
-            DermisError: a point is not finite, or a record is damaged.
+            DermisError: a point is not finite.
         """
         if status == records.NOT_FINITE and wrong >= 0:
             raise DermisError("points to measure from are not finite numbers", value=points[wrong].tolist())

@@ -69,7 +69,7 @@ class TriangleTree:
         return type(self), (self._table, self._topology, self._among)  # records hold addresses: a copy makes its own
 
     def done(self, status: int, triangle: int) -> None:
-        """Raise the error of a kernel's status; return if the status is `DONE`.
+        """Raise an error if a kernel has found a number that is not finite.
 
         Args:
             status: status that the kernel returned.
@@ -83,5 +83,3 @@ class TriangleTree:
                 value=f"edges of {np.linalg.norm(ab):.3g} m and {np.linalg.norm(ac):.3g} m at {a.tolist()} m",
                 limit="an area whose square is a finite number above zero",
             )
-        if status != records.DONE:
-            raise DermisError("a record for the kernels is damaged", where=self._kernels.path.name, value=status)

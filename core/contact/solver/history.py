@@ -184,13 +184,10 @@ class ContactHistory:
         """Call a kernel with the record.
 
         Raises:
-            DermisError: a number is not finite, or the record is damaged.
+            DermisError: a number is not finite.
         """
-        status = kernel(byref(self.record))
-        if status == records.NOT_FINITE:
+        if kernel(byref(self.record)) == records.NOT_FINITE:
             raise DermisError("a number in the friction history is not finite", where="contact")
-        if status != records.DONE:
-            raise DermisError("a record for the kernels is damaged", where=kernels().path.name, value=status)
 
     def _meet(self, index: int, own: Indices | slice, surface: Surface | Plane) -> None:
         """Take the present faces of a deforming body.

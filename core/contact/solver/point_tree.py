@@ -178,11 +178,8 @@ class PointTree:
         record.finest = max(self.finest, record.coarsest)
         record.room, record.leaves, record.clearance = address(out), address(out[2]), address(clearance)
         record.cuts, record.cut_ways, record.most = address(out[3]), address(out[4]), room
-        status = kernels().find_cells(byref(record))
-        if status == records.NOT_FINITE:
+        if kernels().find_cells(byref(record)) == records.NOT_FINITE:
             raise _NOT_FINITE.changed()
-        if status != records.DONE:
-            raise DermisError("a record for the kernels is damaged", where=kernels().path.name, value=status)
         self.finest, self.edges = record.finest, record.edges > 0
         self._set(out[3, : record.cut].copy(), out[4, : record.cut].copy())
         cells, found = out[2, : record.found].copy(), clearance[: record.found]

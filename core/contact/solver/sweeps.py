@@ -111,8 +111,5 @@ def sweep(
 
 
 def _done(record: records.ContactRecord) -> None:
-    status = kernels().sweep(byref(record))
-    if status == records.NOT_FINITE:
+    if kernels().sweep(byref(record)) == records.NOT_FINITE:
         raise DermisError("a number in the contact problem is not finite", where=f"node {record.wrong}")
-    if status != records.DONE:
-        raise DermisError("a record for the kernels is damaged", where=kernels().path.name, value=status)

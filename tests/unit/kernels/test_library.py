@@ -103,6 +103,15 @@ def test_one_whose_records_differ_is_refused(monkeypatch: pytest.MonkeyPatch) ->
         library.Kernels(own_library())
 
 
+@pytest.mark.parametrize(("name", "record"), [("fit", "tree"), ("sum", "sums"), ("draw_skin", "drawn"), ("law", "law")])
+def test_a_damaged_record_is_told_by_each_function(name: str, record: str) -> None:
+    kernels, damaged = library.kernels(), records.RECORDS[record]()
+    setattr(damaged, records.HEADER.records[record][0].name, -1)
+    with pytest.raises(DermisError, match="a record for the kernels is damaged") as told:
+        getattr(kernels, name)(ctypes.byref(damaged))
+    assert kernels.path.name in str(told.value)
+
+
 @pytest.fixture
 def copies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder of copies, as the extension names it."""

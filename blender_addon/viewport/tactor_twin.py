@@ -14,7 +14,7 @@ import numpy as np
 from .._core import Array
 from ..preview.rows import Row
 from . import paint
-from .parts import Colour, Line, Part, circle, disc, heat, joined, lathe, placed, ribbon
+from .parts import Colour, Line, Part, circle, disc, heat, joined, lathe, ribbon
 from .twin import Twin
 
 HOUSING: Colour = (0.16, 0.18, 0.21, 0.95)
@@ -29,11 +29,10 @@ def tactor(row: Row, exaggeration: float) -> Twin:
 
     The device sits between the pad and the touched object, so its hidden part is drawn as a flat figure.
     """
-    at = np.eye(4)
-    at[:2, 3] = exaggeration * np.array([row.values["tactor_x"], row.values["tactor_y"]])
+    at = np.array([exaggeration * row.values["tactor_x"], exaggeration * row.values["tactor_y"], 0.0])
     lines = [Line(circle(row.full_scale("tactor_x") * exaggeration, 0.3e-3), (*paint.INK[:3], 0.35), 1.0)]
-    if np.hypot(*at[:2, 3]) > 1e-5:
-        lines.append(Line(np.array([[0.0, 0.0, 0.35e-3], [*at[:2, 3], 0.35e-3]]), paint.INK, 2.5))
+    if np.hypot(at[0], at[1]) > 1e-5:
+        lines.append(Line(np.array([[0.0, 0.0, 0.35e-3], [at[0], at[1], 0.35e-3]]), paint.INK, 2.5))
     return Twin(_moved(housing, cap, at), _moved(plan, dot, at), lines=tuple(lines))
 
 
@@ -42,7 +41,7 @@ def screen(row: Row) -> Twin:
 
     It glows with the amplitude, and is drawn through all objects.
     """
-    level = float(np.clip(row.values["amplitude"] / row.full_scale("amplitude"), 0.0, 1.0))
+    level = min(max(row.values["amplitude"] / row.full_scale("amplitude"), 0.0), 1.0)
     colour, radius = heat(level), FINGER + 9e-3 * level
     lines = [Line(circle(FINGER), (*colour[:3], 0.9), 1.5)]
     if level > 0.0:
@@ -52,11 +51,11 @@ def screen(row: Row) -> Twin:
 
 
 def _moved(still: Callable[[], Part], moving: Callable[[], Part], at: Array) -> Part:
-    """Return two parts as one, the second at a pose, shape (4, 4).
+    """Return two parts as one, the second moved by a vector [m], shape (3,).
 
     Colours and triangles are made once.
     """
-    positions = np.concatenate([still().positions, placed(moving(), at).positions])
+    positions = np.concatenate([still().positions, (moving().positions + at).astype(np.float32)])
     return _both(still, moving)._replace(positions=positions)
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from copy import copy
 from math import hypot
 
 STILL_SPEED = 1e-4  # [m/s] slower motion counts as rest: float32 poses of a parented finger tremble at up to 2e-5 m/s
@@ -50,7 +49,8 @@ class Heading:
 
     def copied(self) -> Heading:
         """Return an independent copy with the same state."""
-        other = copy(self)
+        other = Heading.__new__(Heading)
+        other.__dict__.update(self.__dict__)
         other._moves = self._moves.copy()
         return other
 

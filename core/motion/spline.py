@@ -175,7 +175,7 @@ def second_derivatives(times: Array | Knots, values: Array) -> Array:
         Second derivatives, shape (n, k).
     """
     knots = times if isinstance(times, Knots) else Knots(times)
-    n, second = len(knots.times), np.zeros_like(values)
+    n, second = len(knots.times), np.zeros(values.shape)
     if n < 3:
         return second
     step = knots.steps
@@ -217,11 +217,11 @@ class Tridiagonal(NamedTuple):
         steps, shift = [], 1
         while shift < len(a) and max(np.abs(a).max(), np.abs(c).max()) > 1e-18:
             ahead, behind = a[shift:], c[:-shift]
-            scale = np.ones_like(a)
+            scale = np.ones(len(a))
             scale[shift:] -= ahead * behind
             scale[:-shift] -= behind * ahead
             steps.append((shift, ahead[:, None], behind[:, None], scale[:, None]))
-            a_next, c_next = np.zeros_like(a), np.zeros_like(c)
+            a_next, c_next = np.zeros(len(a)), np.zeros(len(c))
             a_next[shift:] = ahead * a[:-shift]
             c_next[:-shift] = behind * c[shift:]
             a, c = a_next / scale, c_next / scale

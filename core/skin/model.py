@@ -21,6 +21,7 @@ from ..parameters.error_bands import LINEAR, NEO_HOOKEAN
 from ..parameters.skin import LENGTHS, OWN_MESH, TISSUE
 from ..recent import Recent
 from .assembly import Element, degrees, stiffness
+from .blas import symmetric_eigenvectors
 from .condense import Condensed, condense
 from .fingertip import LEVELS, fingertip_mesh
 from .law_tables import LawTables
@@ -36,6 +37,7 @@ Floats = NDArray[np.floating[Any]]
 
 _laws: Recent[str, LawTables] = Recent(8)
 
+COLUMNS = 32  # vectors that a sparse matrix multiplies at once: about 8 ms of work, far below a window's 50 ms
 MODEL_VERSION = 1  # part of every cache key; increase it when mesh, assembly or condensation changes
 
 
@@ -269,9 +271,7 @@ class SkinModel:
             )
         root = self.unit_stress
         samples = root if forces is None else root @ np.asarray(forces, np.float64).reshape(-1, size).T
-        from scipy.linalg import eigh
-
-        values, vectors = eigh(samples @ samples.T)
+        values, vectors = symmetric_eigenvectors(samples @ samples.T)
         keep = vectors[:, np.argsort(values)[::-1][:count]]
         keep = keep * np.where(keep[np.abs(keep).argmax(axis=0), np.arange(count)] < 0, -1.0, 1.0)
         return keep.T @ root
@@ -282,8 +282,6 @@ class SkinModel:
 
         It is the same for every E, since the stress for given forces does not depend on E.
         """
-        from scipy.linalg import eigh
-
         weighted = StressOperator(self.mesh, self.material.unit, self.element).weighted_matrix
         weighted = weighted[:, degrees(self.mesh.free)].tocsr()
         normal = (weighted.T.tocsr() @ weighted).tocsr()
@@ -291,9 +289,11 @@ class SkinModel:
         gram = np.empty((len(response), len(response)))
         for start in range(0, len(response), 256):
             part = np.asarray(response[start : start + 256], np.float64)
-            forced = normal @ part.T
+            # SciPy keeps Python's lock during a product of a sparse matrix, so it is made in pieces.
+            pieces = [normal @ part[at : at + COLUMNS].T for at in range(0, len(part), COLUMNS)]
+            forced = np.concatenate(pieces, axis=1)
             gram[:, start : start + 256] = np.asarray(response, np.float32) @ forced.astype(np.float32)
-        values, vectors = eigh(0.5 * (gram + gram.T))
+        values, vectors = symmetric_eigenvectors(0.5 * (gram + gram.T))
         return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
 
     def _pad_displacement(self, flat: Array) -> Array:

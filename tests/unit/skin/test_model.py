@@ -11,6 +11,7 @@ pytest.importorskip("scipy")
 
 from core.cache import Cache
 from core.errors import DermisError
+from core.skin import model
 from core.skin.fingertip import fingertip_mesh
 from core.skin.material import Elastic
 from core.skin.model import SkinModel, fingertip_skin, mesh_skin, skin_from_parameters
@@ -151,6 +152,18 @@ def test_components_keep_the_norm_of_stress(skin: SkinModel, press: np.ndarray) 
     assert norms == sorted(norms) and norms[0] < 0.999 * exact and norms[-1] == pytest.approx(exact, rel=1e-4)
     with pytest.raises(DermisError):
         skin.stress_components(1000)
+
+
+def test_the_norm_of_stress_is_computed_in_pieces_to_the_same_last_bit(
+    skin: SkinModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """SciPy keeps Python's lock during a product of a sparse matrix, and no window waits for a long one."""
+    assert 3 * skin.pad_count > 4 * model.COLUMNS
+    norms = []
+    for columns in (model.COLUMNS, 3 * skin.pad_count):
+        monkeypatch.setattr(model, "COLUMNS", columns)
+        norms.append(SkinModel.unit_stress.func(skin).tobytes())  # type: ignore[attr-defined]
+    assert norms[0] == norms[1]
 
 
 def test_probes_read_a_linear_field_exactly() -> None:

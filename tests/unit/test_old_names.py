@@ -29,7 +29,8 @@ pytestmark = pytest.mark.one_line("3.11", "the text of the sources is read")
 
 ROOT = Path(__file__).resolve().parents[2]
 OLD = json.loads(Path(__file__).with_name("old_names.json").read_text(encoding="utf-8"))
-GONE: dict[str, str] = {}  # published name that is gone -> words about it in the changelog
+# published name that is gone -> words about it in the changelog
+GONE = {"Surface:planes": "`Surface.planes` and its rims are gone from the library"}
 
 
 class Held(NamedTuple):

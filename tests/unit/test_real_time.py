@@ -87,9 +87,10 @@ def test_a_failure_on_a_machine_that_runs_counts_at_once(pytester: pytest.Pytest
     assert outcome(pytester, 0.01, SECOND_TIME, crowded=0.05) == {"failed": 1}
 
 
-def test_the_first_failure_beside_the_other_line_never_counts_and_the_second_does(pytester: pytest.Pytester) -> None:
+def test_two_failures_beside_the_other_line_never_count_and_the_third_does(pytester: pytest.Pytester) -> None:
     assert outcome(pytester, 0.01, SECOND_TIME, beside="3.13") == {"passed": 1}
-    assert outcome(pytester, 0.01, SECOND_TIME.replace("== 2", "== 3"), beside="3.13") == {"failed": 1}
+    assert outcome(pytester, 0.01, SECOND_TIME.replace("== 2", "== 3"), beside="3.13") == {"passed": 1}
+    assert outcome(pytester, 0.01, SECOND_TIME.replace("== 2", "== 4"), beside="3.13") == {"failed": 1}
 
 
 def test_a_machine_that_does_not_say_how_full_it_is_blames_nobody(

@@ -287,7 +287,7 @@ def test_a_platforms_table_is_swept_once_the_skins_own_are_there(pressing: bpy.t
     wear(pressing, "cable_platform")
     hand = pressing.objects["Finger"]
     steps = platform_devices.make(hand, hand.dermis.finger.devices[0])
-    assert [next(steps).stage for _ in range(2)] == ["skin", "table"]
+    assert [next(steps).stage for _ in range(2)] == ["skin", "platform configurations"]
     steps.close()
     assert not skin_models._making
 

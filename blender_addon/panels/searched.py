@@ -64,16 +64,15 @@ def skin_and_mismatch(layout: Any, context: bpy.types.Context, obj: bpy.types.Ob
     now = shown.now(context.scene)
     rows = now.devices.rows if now is not None and now.devices is not None else ()
     mine = next((r for r in rows if r.finger == obj.name_full and r.device == device.preset), None)
-    trouble = thimble_preview.failure(obj.name_full)
-    if trouble:
-        paragraph(layout, context, trouble, "ERROR")
-    elif mine is not None and "mismatch" in mine.signals:
+    if mine is not None and "mismatch" in mine.signals:
         touching = mine.contact is None or mine.contact > 0.5
         text = f"Error of the match: {100 * mine.signals['mismatch']:.0f} %" if touching else "In the air"
         column = layout.column(align=True)
         column.label(text=text, icon="ARROW_LEFTRIGHT")
         if touching and "stress_error" in mine.signals:
             column.label(text=f"Stress in all tissue: {100 * mine.signals['stress_error']:.0f} %", icon="BLANK1")
+    elif trouble := thimble_preview.failure(obj.name_full):  # of the live preview, not of a bake's row
+        paragraph(layout, context, trouble, "ERROR")
 
 
 def floor(layout: Any, context: bpy.types.Context, obj: bpy.types.Object, device: Any) -> None:

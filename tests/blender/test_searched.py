@@ -103,6 +103,25 @@ def test_six_legs_bake_scrub_and_show_the_rendered_skin(legs):
     assert ((output.track.values >= low) & (output.track.values <= high)).all()
 
 
+def test_of_a_bake_the_panel_tells_its_error_and_no_wait_of_the_preview_before(ball, monkeypatch):
+    """A preview that waits for its tables stops where a bake is shown, so its last words stay."""
+    scene, finger, device = ball
+    scene.frame_set(1)
+    finger.dermis.finger.skin.shown = scene.dermis.thimble_view.split = True
+    for frame in range(2, 24):
+        scene.frame_set(frame)
+        device_preview.step(bpy.context)
+        skin_preview.step(bpy.context)
+    thimble_preview.rendered(scene, skin_preview.own(scene))
+    path = thimble_preview._paths["Index"]
+    monkeypatch.setattr(path, "error", "preparing Thimble 3-RRS: 0%")
+    baked(scene)
+    scene.frame_set(30)
+    views.renew(scene)
+    words = " ".join(drawn(bpy.types.DERMIS_PT_thimble))
+    assert "Error of the match" in words and "preparing" not in words
+
+
 def test_six_legs_that_are_coupled_are_refused_in_words(legs):
     spec = core.presets.Library().device("cable_platform")
     with pytest.raises(core.errors.DermisError, match="only six legs with a motor each"):

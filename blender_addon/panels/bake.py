@@ -17,7 +17,7 @@ from .main import DermisPanel, export_box, working
 
 SEVERITY_ICONS = {"error": "CANCEL", "warning": "ERROR", "info": "INFO"}
 MAX_FINDINGS = 12
-PLACES = ("finger '", "object '", "objects '", "screen '")  # where a finding may be gone to
+PLACES = ("finger '", "object '", "objects '", "screen '")  # beginnings of `where` for which a finding has a button
 
 
 @needs(lambda context: summary.of(context.scene).fingers)

@@ -286,7 +286,7 @@ class EffectSum:
     @property
     def _total(self) -> Array:
         if self.sum is None:
-            self.sum = np.zeros((1 if self.tap_axis is None else 3, len(self.times))).T  # as `turned_back` lays vectors
+            self.sum = np.zeros((1 if self.tap_axis is None else 3, len(self.times))).T  # Fortran order
         return self.sum
 
     def _add_world(self, index: Which, displacement: Array) -> None:

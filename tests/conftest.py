@@ -9,7 +9,8 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,14 +24,20 @@ CROWDED = 0.1  # part of a test's time in which somebody waited for a processor,
 TRIES = 5
 FREE = 2  # failures that do not count beside the other line
 LINES = ("3.11", "3.13")
-LEFT = pytest.StashKey[int]()  # how many tests the other line runs
+LEFT = pytest.StashKey[list[str]]()  # the tests that the other line runs
+# Folders of tests/unit that hold equations: numbers in, numbers out, by numpy, scipy and the kernels.
+EQUATIONS = frozenset(
+    "comparison contact design devices effects images kernels matching motion pipeline plot skin studies surface"
+    " surrogate".split()
+)
 PRESSURE = Path("/proc/pressure/cpu")
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add --long, which also runs the tests marked `long`, and --beside, which leaves some to the other line."""
+    """Add --long, which also runs the tests marked `long`, and what two lines that run side by side need."""
     parser.addoption("--long", action="store_true", default=False, help="also run the tests that take minutes")
-    parser.addoption("--beside", metavar="PYTHON", help="leave to this Python, which runs too, what is marked for it")
+    parser.addoption("--beside", metavar="PYTHON", help="leave to this Python, which runs too, its share of the tests")
+    parser.addoption("--shares", metavar="FILE", help="append the names of the tests that run and that are left")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -41,20 +48,54 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             if item.get_closest_marker("long"):
                 item.add_marker(skip)
     beside = config.getoption("--beside")
-    left = [item for item in items if line_of(item) == beside] if beside else []
-    if left:
+    if beside:
+        lines = lines_of(items)
+        left = [item for item, line in zip(items, lines, strict=True) if line == beside]
         config.hook.pytest_deselected(items=left)
-        items[:] = [item for item in items if line_of(item) != beside]
-        config.stash[LEFT] = len(left)
+        items[:] = [item for item, line in zip(items, lines, strict=True) if line != beside]
+        config.stash[LEFT] = [item.nodeid for item in left]
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Keep the collector of garbage from walking through thousands of collected tests again and again."""
+    """Write down who runs what; keep the collector of garbage from walking through thousands of collected tests."""
     gc.freeze()
+    if shares := session.config.getoption("--shares"):
+        names = [f"run {item.nodeid}" for item in session.items]
+        names += [f"left {name}" for name in session.config.stash.get(LEFT, [])]
+        with open(shares, "a", encoding="utf-8") as file:
+            file.writelines(f"{name}\n" for name in names)
+
+
+def lines_of(items: Sequence[pytest.Item]) -> list[str | None]:
+    """Return for each test the Python whose line alone has to run it where both run side by side, None for both lines.
+
+    The mark `one_line` decides where there is one. Else a test runs on both lines, but for two kinds in tests/unit:
+
+    * cases of a parametrized test after its first one;
+    * tests in folders of equations (`EQUATIONS`) after the first one of their file.
+
+    For these a checksum of the file's name and the case's (of the test's where it has no cases) draws the line, so
+    that each has about half of every file, and what is made once for a case in a file is made on one of them.
+    """
+    files: set[str] = set()
+    functions: set[str] = set()
+    lines: list[str | None] = []
+    for item in items:
+        file, function = item.nodeid.partition("::")[0], item.nodeid.partition("[")[0]
+        line = line_of(item)
+        if line is None and file.startswith("tests/unit/"):
+            equations = file.split("/")[2] in EQUATIONS
+            if file in files if equations else function in functions:
+                case = item.nodeid[len(function) :] or function
+                line = LINES[zlib.crc32(f"{file}{case}".encode()) % 2]
+            files.add(file)
+            functions.add(function)
+        lines.append(line)
+    return lines
 
 
 def line_of(item: pytest.Item) -> str | None:
-    """Return the Python whose line alone has to run a test, None where each line has to."""
+    """Return the Python that the mark `one_line` names, None where a test has no such mark."""
     mark = item.get_closest_marker("one_line")
     if mark is None:
         return None
@@ -66,8 +107,8 @@ def line_of(item: pytest.Item) -> str | None:
 @pytest.hookimpl(trylast=True)
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
     """Say how many tests the other line has to run."""
-    if count := config.stash.get(LEFT, 0):
-        terminalreporter.write_line(f"left to Python {config.getoption('--beside')}: {count} tests")
+    if left := config.stash.get(LEFT, []):
+        terminalreporter.write_line(f"left to Python {config.getoption('--beside')}: {len(left)} tests")
 
 
 class _Sleeper(threading.Thread):

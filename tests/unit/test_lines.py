@@ -28,17 +28,39 @@ def test_there():
 def test_on_both():
     pass
 """
-# A Python that says what it is asked for, and that it passed.
-STAND_IN = (
-    '#!/bin/sh\n[ "$1" = -c ] && exit 0\n[ "$2" = test ] && echo "asked for: $*" && echo "total: 1 passed"\nexit 0\n'
-)
+CASES = """
+import pytest
+
+@pytest.mark.parametrize("n", range(20))
+def test_cases(n):
+    pass
+
+@pytest.mark.parametrize("n", range(20))
+def test_same_cases(n):
+    pass
+
+def test_one():
+    pass
+
+@pytest.mark.one_line("3.13", "it is C")
+def test_marked():
+    pass
+""" + "".join(f"def test_{n}():\n    pass\n" for n in range(20))
+# A Python that says what it is asked for, and that it passed; it runs one test and leaves one to the other line.
+STAND_IN = """#!/bin/sh
+[ "$1" = -c ] && exit 0
+[ "$2" = test ] && echo "asked for: $*" && echo "total: 1 passed"
+for word; do case $word in --shares=*) printf 'run {run}\\nleft {left}\\n' >"${{word#*=}}" ;; esac; done
+exit 0
+"""
 
 
 @pytest.fixture
 def told(pytester: pytest.Pytester) -> pytest.Pytester:
     """A folder whose tests obey the marks of this project."""
     pytester.makeconftest(
-        "from tests.conftest import pytest_addoption, pytest_collection_modifyitems, pytest_terminal_summary\n"
+        "from tests.conftest import pytest_addoption, pytest_collection_finish, pytest_collection_modifyitems\n"
+        "from tests.conftest import pytest_terminal_summary\n"
         "def pytest_configure(config):\n    config.addinivalue_line('markers', 'one_line: as in the project')\n"
     )
     return pytester
@@ -72,21 +94,79 @@ def test_a_mark_names_a_line_and_why(told: pytest.Pytester, mark: str) -> None:
     assert found.ret != 0 and "one_line names a Python" in found.stdout.str() + found.stderr.str()
 
 
-@pytest.mark.skipif(os.name == "nt" or not shutil.which("bash"), reason="the script needs bash")
-@pytest.mark.parametrize("paths", [(), ("tests/unit/track",)])
-def test_only_whole_runs_of_both_lines_are_shared(tmp_path: Path, paths: tuple[str, ...]) -> None:
-    for name in (*(f"python{line}" for line in rule.LINES), "apt-get"):  # nothing is installed
-        (tmp_path / name).write_text(STAND_IN)
-        (tmp_path / name).chmod(0o755)
-    path = os.pathsep.join([str(tmp_path), os.environ["PATH"]])
-    done = subprocess.run(
+def shares(pytester: pytest.Pytester, folder: str) -> dict[str, set[str]]:
+    """Return the names of the tests of CASES in a folder that each line runs, and check them against those left."""
+    path = pytester.path / folder
+    path.mkdir(parents=True)
+    (path / "test_file.py").write_text(CASES)
+    run, left = {}, {}
+    for line, other in (("3.11", "3.13"), ("3.13", "3.11")):
+        found = pytester.runpytest_inprocess("-p", "no:cacheprovider", f"--beside={other}", f"--shares={line}", folder)
+        names = [name.partition(f" {folder}/test_file.py::test_") for name in Path(line).read_text().splitlines()]
+        run[line] = {name for what, _, name in names if what == "run"}
+        left[line] = {name for what, _, name in names if what == "left"}
+        outcomes = found.parseoutcomes()
+        assert outcomes["passed"] == len(run[line]) and outcomes.get("deselected", 0) == len(left[line])
+    assert left["3.11"] <= run["3.13"] and left["3.13"] <= run["3.11"]
+    assert not left["3.11"] & run["3.11"] and not left["3.13"] & run["3.13"]
+    assert len(run["3.11"] | run["3.13"]) == 62
+    return run
+
+
+def test_cases_are_shared_and_the_first_runs_on_both_lines(told: pytest.Pytester) -> None:
+    run = shares(told, "tests/unit/stream")
+    both = run["3.11"] & run["3.13"]
+    assert both == {"cases[0]", "same_cases[0]", "one", *map(str, range(20))}
+    assert min(map(len, run.values())) > len(both) + 10
+    # What is made once for a case is made on one line: of a case after the first all tests of the file are together.
+    assert all((f"cases[{n}]" in run["3.11"]) == (f"same_cases[{n}]" in run["3.11"]) for n in range(1, 20))
+
+
+def test_equations_are_shared_and_the_first_of_a_file_runs_on_both_lines(told: pytest.Pytester) -> None:
+    run = shares(told, "tests/unit/contact/solver")
+    assert run["3.11"] & run["3.13"] == {"cases[0]"}
+    assert min(map(len, run.values())) > 20
+
+
+def test_blender_and_the_installer_are_shared_by_marks_alone(told: pytest.Pytester) -> None:
+    run = shares(told, "tests/blender")
+    assert run["3.13"] - run["3.11"] == {"marked"} and run["3.11"] <= run["3.13"]
+
+
+def test_folders_of_equations_are_there() -> None:
+    assert all((ROOT / "tests" / "unit" / name).is_dir() for name in rule.EQUATIONS)
+
+
+def ran_script(folder: Path, *paths: str, tests: dict[str, tuple[str, str]]) -> subprocess.CompletedProcess[str]:
+    """Run the script with Pythons that only say what they are asked for, run one test and leave another."""
+    for line, (run, left) in tests.items():
+        (folder / f"python{line}").write_text(STAND_IN.format(run=run, left=left))
+    (folder / "apt-get").write_text("#!/bin/sh\n")  # nothing is installed
+    for path in folder.iterdir():
+        path.chmod(0o755)
+    return subprocess.run(
         [str(ROOT / ".ci" / "run"), *paths],
-        env={**os.environ, "PATH": path, "HOME": str(tmp_path)},
+        env={**os.environ, "PATH": os.pathsep.join([str(folder), os.environ["PATH"]]), "HOME": str(folder)},
         capture_output=True,
         text=True,
         timeout=60,
     )
+
+
+with_bash = pytest.mark.skipif(os.name == "nt" or not shutil.which("bash"), reason="the script needs bash")
+
+
+@with_bash
+@pytest.mark.parametrize("paths", [(), ("tests/unit/track",)])
+def test_only_whole_runs_of_both_lines_are_shared(tmp_path: Path, paths: tuple[str, ...]) -> None:
+    done = ran_script(tmp_path, *paths, tests={"3.11": ("a[1 2]", "b"), "3.13": ("b", "a[1 2]")})
     assert done.returncode == 0, done.stdout + done.stderr
-    asked = [line for line in done.stdout.splitlines() if line.startswith("asked for: ")]
-    shares = ["--beside=3.13", "--beside=3.11"] if not paths else [*paths, *paths]
-    assert asked == [f"asked for: build_addon.py test {share}" for share in shares]
+    asked = [line.split() for line in done.stdout.splitlines() if line.startswith("asked for: ")]
+    assert [words[4:5] for words in asked] == ([["--beside=3.13"], ["--beside=3.11"]] if not paths else [[*paths]] * 2)
+    assert all(len(words) == (5 if paths else 6) for words in asked)
+
+
+@with_bash
+def test_a_test_that_each_line_leaves_to_the_other_fails_the_run(tmp_path: Path) -> None:
+    done = ran_script(tmp_path, tests={"3.11": ("a", "b"), "3.13": ("a", "b")})
+    assert done.returncode == 1 and "FAILED: tests that neither line ran, 1: b" in done.stdout

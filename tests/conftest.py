@@ -69,10 +69,10 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 def lines_of(items: Sequence[pytest.Item]) -> list[str | None]:
     """Return for each test the Python whose line alone has to run it where both run side by side, None for both lines.
 
-    The mark `one_line` decides where there is one. Else a test runs on both lines, but for two kinds in tests/unit:
+    The mark `one_line` decides where there is one. Else a test runs on both lines, but for two kinds:
 
-    * cases of a parametrized test after its first one;
-    * tests in folders of equations (`EQUATIONS`) after the first one of their file.
+    * cases of a parametrized test after its first one, in tests/unit and where the mark `shared_cases` allows it;
+    * tests in those folders of tests/unit that hold equations (`EQUATIONS`), after the first one of their file.
 
     For these a checksum of the file's name and the case's (of the test's where it has no cases) draws the line, so
     that each has about half of every file, and what is made once for a case in a file is made on one of them.
@@ -83,8 +83,9 @@ def lines_of(items: Sequence[pytest.Item]) -> list[str | None]:
     for item in items:
         file, function = item.nodeid.partition("::")[0], item.nodeid.partition("[")[0]
         line = line_of(item)
-        if line is None and file.startswith("tests/unit/"):
-            equations = file.split("/")[2] in EQUATIONS
+        unit = file.startswith("tests/unit/")
+        if line is None and (unit or item.get_closest_marker("shared_cases")):
+            equations = unit and file.split("/")[2] in EQUATIONS
             if file in files if equations else function in functions:
                 case = item.nodeid[len(function) :] or function
                 line = LINES[zlib.crc32(f"{file}{case}".encode()) % 2]

@@ -61,7 +61,9 @@ def told(pytester: pytest.Pytester) -> pytest.Pytester:
     pytester.makeconftest(
         "from tests.conftest import pytest_addoption, pytest_collection_finish, pytest_collection_modifyitems\n"
         "from tests.conftest import pytest_terminal_summary\n"
-        "def pytest_configure(config):\n    config.addinivalue_line('markers', 'one_line: as in the project')\n"
+        "def pytest_configure(config):\n"
+        "    for mark in ('one_line', 'shared_cases'):\n"
+        "        config.addinivalue_line('markers', f'{mark}: as in the project')\n"
     )
     return pytester
 
@@ -94,11 +96,11 @@ def test_a_mark_names_a_line_and_why(told: pytest.Pytester, mark: str) -> None:
     assert found.ret != 0 and "one_line names a Python" in found.stdout.str() + found.stderr.str()
 
 
-def shares(pytester: pytest.Pytester, folder: str) -> dict[str, set[str]]:
-    """Return the names of the tests of CASES in a folder that each line runs, and check them against those left."""
+def shares(pytester: pytest.Pytester, folder: str, body: str = CASES) -> dict[str, set[str]]:
+    """Return the names of the tests in a folder that each line runs, and check them against those that it leaves."""
     path = pytester.path / folder
     path.mkdir(parents=True)
-    (path / "test_file.py").write_text(CASES)
+    (path / "test_file.py").write_text(body)
     run, left = {}, {}
     for line, other in (("3.11", "3.13"), ("3.13", "3.11")):
         found = pytester.runpytest_inprocess("-p", "no:cacheprovider", f"--beside={other}", f"--shares={line}", folder)
@@ -131,6 +133,12 @@ def test_equations_are_shared_and_the_first_of_a_file_runs_on_both_lines(told: p
 def test_blender_and_the_installer_are_shared_by_marks_alone(told: pytest.Pytester) -> None:
     run = shares(told, "tests/blender")
     assert run["3.13"] - run["3.11"] == {"marked"} and run["3.11"] <= run["3.13"]
+
+
+def test_cases_in_blender_are_shared_where_a_mark_allows_it(told: pytest.Pytester) -> None:
+    run = shares(told, "tests/blender", CASES.replace("@pytest", "@pytest.mark.shared_cases('presets')\n@pytest", 1))
+    assert run["3.11"] & run["3.13"] >= {f"same_cases[{n}]" for n in range(20)} | {"cases[0]"}
+    assert sum(f"cases[{n}]" in run["3.11"] and f"cases[{n}]" in run["3.13"] for n in range(20)) == 1
 
 
 def test_folders_of_equations_are_there() -> None:

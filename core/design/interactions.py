@@ -55,6 +55,7 @@ class Wobble:
 
 
 WOBBLE = Wobble()
+_AT_ONCE = 16  # samples whose distances from all the skin's points are in memory: of every sample they are gigabytes
 
 # Stops of one repetition: tilt about X and about Y, each as a share of TILT. Between two stops the surface rolls over
 # the finger at constant DEPTH. Before the first stop and after the last it is at CLEARANCE from the skin.
@@ -143,7 +144,8 @@ def plane_poses(
     poses = np.tile(np.eye(4), (len(times), 1, 1))
     turn = _about("x", pitch) @ _about("y", roll) @ _about("z", yaw)
     normal = turn[:, :, 2]
-    height = (normal @ skin.T).min(axis=1) + depth  # height of the plane along its normal
+    parts = np.array_split(normal, -(-len(normal) // _AT_ONCE))
+    height = np.concatenate([(part @ skin.T).min(axis=1) for part in parts]) + depth  # of the plane along its normal
     poses[:, :3, :3] = turn
     shift = wobble.shift * np.einsum("nij,nj->ni", turn[:, :, :2], shaken[:, 4:6])
     poses[:, :3, 3] = normal * height[:, None] + shift

@@ -230,6 +230,7 @@ def test_what_moves_by_itself_is_looked_at_where_it_is_now() -> None:
     assert found() == {}
 
 
+@pytest.mark.shared_cases("bodies and paths of the same kinds")
 @pytest.mark.parametrize(
     "scene",
     [

@@ -147,6 +147,7 @@ def _made(path):
     return path
 
 
+@pytest.mark.shared_cases("presets of devices, for the engine")
 @pytest.mark.parametrize("preset", ["thimble_3rrs", "hexapod"])
 def test_the_floor_is_found_and_shown(ball, preset, monkeypatch):
     scene, finger, device = ball

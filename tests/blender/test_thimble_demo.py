@@ -22,6 +22,7 @@ TOUCHES = {
 }
 
 
+@pytest.mark.shared_cases("bodies and paths of the same kinds, for the engine")
 @pytest.mark.parametrize("which", list(demo_thimble.SCENES))
 def test_every_scene_bakes_without_a_warning_and_touches(which) -> None:
     choices.refresh()

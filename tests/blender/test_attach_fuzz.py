@@ -12,6 +12,7 @@ NAMES = (unreal, mixamo, makehuman, webxr, nameless)
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 
 
+@pytest.mark.shared_cases("seeds of armatures")
 @pytest.mark.parametrize("seed", range(40))
 def test_any_armature_is_taken_or_refused(seed: int) -> None:
     rng = np.random.default_rng(seed)

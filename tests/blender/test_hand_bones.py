@@ -213,6 +213,7 @@ def test_feet_and_faces_are_no_hands() -> None:
     assert found_hands({"lip_middle.L": bone("lip_middle.L")}) == []
 
 
+@pytest.mark.shared_cases("names, sizes and poses of skeletons")
 @pytest.mark.parametrize("kind", hand_schemes.KINDS)
 @pytest.mark.parametrize("scheme", hand_schemes.SCHEMES)
 def test_every_scheme_of_names_gives_the_same_fingers(scheme: str, kind: str) -> None:

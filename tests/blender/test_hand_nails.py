@@ -24,6 +24,7 @@ def lines(bend: float, side: str) -> tuple[dict[str, np.ndarray], dict[str, np.n
     return {f: made[f][0] * mirror for f in FINGERS}, {f: made[f][1][-1] * mirror for f in FINGERS}
 
 
+@pytest.mark.shared_cases("names, sizes and poses of skeletons")
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("side", ["L", "R"])
 @pytest.mark.parametrize("bend", [0.0, 3.0, 12.0, 45.0, 80.0])

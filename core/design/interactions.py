@@ -55,7 +55,7 @@ class Wobble:
 
 
 WOBBLE = Wobble()
-_AT_ONCE = 16  # samples whose distances from all the skin's points are in memory: of every sample they are gigabytes
+_AT_ONCE = 16  # samples whose heights over all points of the skin are held at once; all samples would take gigabytes
 
 # Stops of one repetition: tilt about X and about Y, each as a share of TILT. Between two stops the surface rolls over
 # the finger at constant DEPTH. Before the first stop and after the last it is at CLEARANCE from the skin.

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from core.design import collect as collecting
+from core.design import interactions
 from core.design.answer import knee_of
 from core.design.collect import collect, reversed_spread
 from core.design.interactions import EXPECTED, NAMES, Wobble, interaction, plane_poses
@@ -162,6 +163,15 @@ def test_interactions_press_where_they_say(skin):
     back = plane_poses("back", times, skin.positions, np.random.default_rng(0), still)[0, :3, 2]
     left = plane_poses("left", times, skin.positions, np.random.default_rng(0), still)[0, :3, 2]
     assert back[1] > 0.3 and left[0] > 0.3  # higher at the back, higher at the left
+
+
+@pytest.mark.parametrize("at_once", [1, 7, 10**6])
+def test_poses_do_not_hang_on_how_many_samples_are_held_at_once(skin, monkeypatch, at_once):
+    times, wobble = np.arange(50) / 10.0, Wobble()
+    wanted = plane_poses("complex", times, skin.positions, np.random.default_rng(1), wobble)
+    monkeypatch.setattr(interactions, "_AT_ONCE", at_once)
+    poses = plane_poses("complex", times, skin.positions, np.random.default_rng(1), wobble)
+    np.testing.assert_allclose(poses, wanted, rtol=0.0, atol=1e-15)
 
 
 @pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")

@@ -160,6 +160,42 @@ typedef struct {
     double side;             /* factor on gap and normal: 1, or -1 if the finger is behind the faces of an open sheet */
 } dermis_posed;
 
+/* Points of smooth skin, the bodies near them, and contact between both; see `touch.c`. */
+typedef struct {
+    int64_t count;           /* number of points */
+    int64_t single;          /* 1: the compliance has floats; 0: it has doubles */
+    int64_t stride;          /* numbers from the start of one row of the compliance to the start of the next */
+    const void *compliance;  /* C (3 count, stride) [m/N]; null: only look */
+    int64_t bodies;          /* number of bodies */
+    const dermis_posed *posed; /* (bodies) */
+    double limit;            /* bodies farther away than this are not found [m] */
+    const double *points;    /* undeformed points (count, 3) [m] */
+    const double *inward;    /* unit vectors into the finger (count, 3) */
+    const double *spread;    /* offsets along both sides at which a point looks (count, 2, 3) [m] */
+    const double *lift;      /* lift of the first look (count) [m] */
+    const double *drag;      /* slip without displacement (count, 3) [m] */
+    const double *shift;     /* displacement that no force causes (count, 3) [m] */
+    const double *areas;     /* of the cells (count) [m^2] */
+    double tolerance;        /* largest residual */
+    int64_t most;            /* largest number of sweeps */
+    double *force;           /* in: start; out: forces (count, 3) [N] */
+    double *image;           /* out: C f (count, 3) [m] */
+    double *where;           /* displacement at which each point looked last; in: where to look first (count, 3) [m] */
+    double *clearance;       /* out: gap there (count) [m] */
+    double *normal;          /* out: normal there (count, 3) */
+    int64_t *body;           /* in: hint; out: body (count) */
+    int64_t *triangle;       /* out: triangle (count) */
+    int64_t *slots;          /* hints (count, 10) */
+    double *moved;           /* out: relative displacement (count, 3) [m] */
+    int8_t *status;          /* out (count) */
+    double residual;         /* out */
+    int64_t sweeps;          /* out */
+    int64_t looks;           /* out: looks beside the first */
+    int64_t width;           /* bytes of a point in the workspace */
+    void *room;              /* workspace (count, width) */
+    double trace[48];        /* out */
+} dermis_touch;
+
 /* The cells of a pad, the bodies near it, and the search for cells that may touch; see `survey.c`.
 
    Cells are the tiles of core/skin/tiles.py. The displacement of the skin at a cell is that of the contact points which
@@ -492,6 +528,9 @@ DERMIS_API int32_t dermis_body_judge(dermis_body *body);
 
 /* Measure the signed distances of points to a body that `dermis_body_fit` has checked. */
 DERMIS_API int32_t dermis_distances(dermis_query *query);
+
+/* Look at bodies, or compute the contact forces of points of smooth skin. */
+DERMIS_API int32_t dermis_touch_points(dermis_touch *touch);
 
 /* Compute the contact forces from an initial guess. */
 DERMIS_API int32_t dermis_sweep(dermis_contact *contact);

@@ -80,6 +80,11 @@ class ContactRecord(ctypes.Structure):
 
 
 @_declared
+class TouchRecord(ctypes.Structure):
+    """`dermis_touch`."""
+
+
+@_declared
 class PosedRecord(ctypes.Structure):
     """`dermis_posed`."""
 

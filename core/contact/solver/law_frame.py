@@ -174,7 +174,7 @@ def _agreed(
     solution = replace(found.solution, iterations=iterations)
     if not law.settled:
         solution = replace(solution, residual=max(solution.residual, law.left))
-    return SolvedFrame(solution, found.image - less, found.work)
+    return SolvedFrame(solution, found.image - less, found.work, found.gaps)
 
 
 def _depth(gaps: NodeGaps) -> Array:

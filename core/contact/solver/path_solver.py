@@ -299,6 +299,8 @@ class PathSolver:
             friction.foresee(self._force, b, self._image, self._rubbing.changing)
         solved = self._solve(b, gaps, soft)
         solution, image, work = solved.solution, solved.image, solved.work
+        if solved.gaps is not None:
+            gaps = friction.gaps = solved.gaps
         if not from_rest and work == "solved":
             friction.notice(solution)
         self._remember(solved, friction)

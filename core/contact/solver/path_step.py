@@ -30,6 +30,7 @@ class SolvedFrame(NamedTuple):
     solution: Solution
     image: Array
     work: str
+    gaps: NodeGaps | None = None
 
 
 @dataclass(frozen=True)

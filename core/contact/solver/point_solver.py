@@ -23,19 +23,20 @@ from ...surface.plane import Plane
 from .between import matter_moved
 from .bodies import ContactBody, NodeGaps, node_gaps, owned, paired, same_places, travel
 from .bodies import moved as body_moved
-from .cell_gaps import CellGaps
 from .compliance import Linear, own_compliance
 from .history import ContactHistory
 from .law_skin import LawSkin
 from .moved_skin import MovedSkin
-from .over_edges import HELD, NOTHING, Freed, over_edges, over_rims
 from .path_solver import BONE, DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
 from .point_gaps import passed_on
 from .point_reach import PointReach
 from .point_set import PointSet
 from .point_tree import MANY, OFTEN, PointTree
 from .posed_records import in_reach
+from .path_solver import CHECK
+from .path_step import SolvedFrame
 from .succession import Succession, succession
+from .touching import Touching
 
 # Largest distance at which a body is found from the skin [m].
 REACH = 2.5e-3
@@ -76,8 +77,8 @@ class PointSolver(PathSolver):
         self.surface, self.nodes = surface, nodes
         self.search_radius = REACH
         self._tree = PointTree(surface)
-        self._cell_gaps = CellGaps(REACH, self.bone)
         self._points = PointSet(surface)
+        self._touching = Touching(REACH, self.bone)
         self.operator = Linear(np.zeros((0, 0)))
         self.history = ContactHistory(0)
         self._asked: tuple[ContactBody, ...] | None = None
@@ -141,7 +142,7 @@ class PointSolver(PathSolver):
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
-        own = {"points": self._points.save(), "tree": self._tree.save(), "turned": self._cell_gaps.last}
+        own = {"points": self._points.save(), "tree": self._tree.save()}
         return {**super().save(), **own, "asked": self._asked, "new": self._new}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -149,7 +150,7 @@ class PointSolver(PathSolver):
         self._points.restore(state["points"])
         self._number()
         self._tree.restore(state["tree"])
-        self._asked, self._new, self._cell_gaps.last = state["asked"], state["new"], state["turned"]
+        self._asked, self._new = state["asked"], state["new"]
         super().restore(state)
 
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
@@ -211,37 +212,14 @@ class PointSolver(PathSolver):
         if self.fresh and not len(self.cells):
             return NodeGaps.nothing(bodies, 0)
         expected = self._expected(bodies)
-        freed = self._freed(bodies, expected.places)
-        gaps, found = self._cell_gaps.centres(self._points, bodies, expected, freed.places)
-        freed = freed._replace(gaps=found)
-        if len(self.cells):
-            gaps = over_edges(gaps, freed, self.loaded, self.points, expected.places)
-            gaps = self._cell_gaps.over(gaps, self._points, expected.places)
-            over = expected.places, -self._points.normals
-            gaps = over_rims(gaps, self.points, *over, self.search_radius, self.bone)
+        gaps = self._touching.look(self._points, bodies, expected.places - self.points)
         self._calm = None if asks else gaps
         return gaps
 
-    def _freed(self, bodies: tuple[ContactBody, ...], places: Array) -> Freed:
-        """Return the points that slide beside an edge.
-
-        The result also has their positions without the displacement by their own force.
-        """
-        if all(body.away or body.friction >= HELD for body in bodies):
-            return NOTHING
-        some, beside = self._cell_gaps.beside_edges(self.loaded & ~self.history.sticking)
-        if not some.size:
-            return NOTHING
-        places, owner, ways = places.take(some, axis=0), self.history.body.take(some), np.zeros((len(some), 3))
-        for index, own in owned(owner):
-            before, now = self._bodies[index], bodies[index]
-            if before.surface is now.surface and not (before.away or now.away):
-                ways[own] = body_moved(before, now, places[own])
-        rows = 3 * some[:, None] + np.arange(3)
-        to_own = self._matrix[rows[:, :, None], rows[:, None, :]]
-        force = self._force.take(some, axis=0)
-        widths = np.sqrt((self._points.sides.take(some, axis=0) ** 2).sum(axis=2)).min(axis=1)
-        return Freed(some, beside, places - np.einsum("kij,kj->ki", to_own, force), ways, widths)
+    def iterated(self, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
+        """Solve a frame on linear skin from forces to start from [N], shape (m, 3)."""
+        shift = 0.0 if self.law is None else -self.beyond()
+        return self._touching.solve(self._points, b, gaps, start, self.tolerance, CHECK, shift)
 
     # -- the points ----------------------------------------------------------------------------------------------
 
@@ -277,7 +255,6 @@ class PointSolver(PathSolver):
         count = len(self.cells)
         order = self._points.change(leaving, entering)
         self._number()
-        self._cell_gaps.renumber(order, count)
         return order
 
     def _number(self) -> None:

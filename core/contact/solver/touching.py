@@ -1,0 +1,94 @@
+"""Touching: gaps of points of smooth skin that follow the points, and contact forces on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from ctypes import addressof, byref
+
+import numpy as np
+
+from ...arrays import Array
+from ...errors import DermisError
+from ...kernels import records
+from ...kernels.library import kernels
+from ...kernels.records import address
+from .bodies import ContactBody, NodeGaps
+from .point_set import PointSet
+from .posed_records import posed_records
+from .path_step import SolvedFrame
+from .solve import Solution
+
+MOST_SWEEPS, WIDTH = 1000, 23
+LIFTS, SPREADS = (0.4e-3, 0.3e-3), (0.25e-3, 0.2e-3)
+
+
+class Touching:
+    def __init__(self, reach: float, bone: Array) -> None:
+        self._reach, self._bone = reach, bone
+        self._where = np.zeros((0, 3))
+
+    def _record(self, points: PointSet, bodies: Sequence[ContactBody], where: Array):
+        n = len(points)
+        at = np.ascontiguousarray(points.positions)
+        near, posed = posed_records(bodies, at + where, self._reach + 1e-3, self._bone)
+        fine = points.pad.chart.tiles.halved[points.cells].max(axis=1) >= 3
+        unit = points.sides / np.sqrt(np.einsum("ijk,ijk->ij", points.sides, points.sides))[:, :, None]
+        kept = {
+            "points": at,
+            "inward": np.ascontiguousarray(-points.normals),
+            "spread": np.ascontiguousarray(unit * np.where(fine, SPREADS[1], SPREADS[0])[:, None, None]),
+            "lift": np.where(fine, LIFTS[1], LIFTS[0]),
+            "areas": np.ascontiguousarray(points.areas),
+            "where": np.array(where),
+            "clearance": np.empty(n),
+            "normal": np.empty((n, 3)),
+            "body": np.full(n, -1, dtype=np.int64),
+            "triangle": np.empty(n, dtype=np.int64),
+            "slots": np.full((n, 10), -1, dtype=np.int64),
+            "force": np.zeros((n, 3)),
+            "drag": np.zeros((n, 3)),
+            "shift": np.zeros((n, 3)),
+            "room": np.empty((n, WIDTH)),
+        }
+        record = records.TouchRecord(count=n, bodies=len(near), posed=addressof(posed), limit=self._reach, width=8 * WIDTH)
+        for name, array in kept.items():
+            setattr(record, name, address(array))
+        return record, kept, (posed, np.array([*near, -1]))
+
+    def _told(self, kept, near, bodies) -> NodeGaps:
+        body, n = kept["body"], kept["normal"]
+        friction = np.array([*(bodies[i].friction for i in near[:-1]), 0.0])[body]
+        softness = np.array([*(bodies[i].softness for i in near[:-1]), 0.0])[body]
+        gap = kept["clearance"] - np.einsum("ij,ij->i", n, kept["where"])
+        return NodeGaps(tuple(bodies), gap, kept["clearance"], n, near[body], kept["triangle"], friction, softness)
+
+    def look(self, points: PointSet, bodies: Sequence[ContactBody], where: Array) -> NodeGaps:
+        record, kept, (posed, near) = self._record(points, bodies, where)
+        self._call(record)
+        self._where = kept["where"]
+        return self._told(kept, near, bodies)
+
+    def _call(self, record) -> None:
+        if kernels().touch(byref(record)) == records.NOT_FINITE:
+            raise DermisError("a position or force is not finite", where="contact")
+
+    def solve(self, points: PointSet, b: Array, gaps: NodeGaps, start: Array, tolerance: float, check: float, shift: Array | float = 0.0):
+        record, kept, (posed, near) = self._record(points, gaps.bodies, self._where)
+        n = len(points)
+        back = np.full(len(gaps.bodies) + 1, -1)
+        back[near[:-1]] = np.arange(len(near) - 1)
+        kept["body"][:], kept["triangle"][:] = back[gaps.body], gaps.triangle
+        kept["clearance"][:], kept["normal"][:], kept["force"][:] = gaps.clearance, gaps.normal, start
+        kept["drag"][:] = b - np.where(gaps.body >= 0, gaps.clearance, 0.0)[:, None] * gaps.normal
+        kept["shift"][:] = shift
+        matrix = points.matrix.matrix
+        kept["image"], kept["moved"], kept["status"] = np.empty((n, 3)), np.empty((n, 3)), np.zeros(n, dtype=np.int8)
+        record.image, record.moved, record.status = (address(kept[k]) for k in ("image", "moved", "status"))
+        record.single, record.stride = int(matrix.dtype == np.float32), matrix.strides[0] // matrix.itemsize
+        record.compliance, record.tolerance, record.most = address(matrix), tolerance, MOST_SWEEPS
+        self._call(record)
+        self.last = record
+        new = self._told(kept, near, gaps.bodies)
+        w = kept["moved"]
+        solution = Solution(kept["force"], w, new.normal, new.friction, kept["status"], record.sweeps, record.residual, check * tolerance, "sweeps")
+        return SolvedFrame(solution, kept["image"], "solved", new)

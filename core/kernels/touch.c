@@ -1,0 +1,305 @@
+/* Contact of points of smooth skin with bodies: gaps that follow the points, and forces that follow the gaps.
+
+   A point looks at the bodies from two places that are lifted into the finger, a lift and twice a lift away, and
+   extrapolates both distances linearly to itself. On a plane this is the exact gap. At an edge, where the distance from
+   the surface has a kink, the lifted places are outside the body, where distances are smooth. The mean over five places
+   about the point limits how fast the gap turns from cell to cell; how the gradient differs between the places tells
+   how the normal turns, so that a point looks again only after it has moved. */
+#include "float_environment.h"
+#include "kernels.h"
+#include "numbers.h"
+#include "posed.h"
+
+#define LOOKS 10
+/* SHARE: of a point's way that its normal follows in a visit; with all of it, normals turn back and forth.
+   TRUST: way since the last look after which a point looks again within the sweeps [m].
+   STILL, FLAT: way after which it looks again between the sweeps, where its normal turns and where it does not [m].
+   APART: gap above which a point without force is not visited [m]. */
+#define SHARE 0.5
+#define TRUST 0.05e-3
+#define STILL 2e-6
+#define FLAT 0.02e-3
+#define APART 0.05e-3
+
+static const double PLACES[5][3] = {{1, 1, 1.0 / 6}, {1, -1, 1.0 / 6}, {-1, 1, 1.0 / 6}, {-1, -1, 1.0 / 6}, {0, 0, 2.0 / 6}};
+
+/* The gap about the place of the last look: clearance + normal z + z bend z / 2, for a way z; and its plane at z. */
+typedef struct {
+    double normal[3], bend[2][3], side[2][3]; /* bend: turn of the normal per metre along both sides */
+    double at[3];                             /* z */
+    double plane[3], gap;                     /* unit normal at z, and the gap there */
+    int64_t flat;                             /* 1: the normal does not turn */
+} view;
+
+static void nothing(dermis_touch *t, view *v, int64_t i) {
+    t->body[i] = t->triangle[i] = -1;
+    t->clearance[i] = v->gap = __builtin_inf();
+    for (int k = 0; k < 3; k++) t->normal[3 * i + k] = v->plane[k] = v->normal[k] = v->at[k] = 0.0;
+}
+
+/* Look at the bodies from where the point is displaced to. */
+static void look(dermis_touch *t, view *v, int64_t i) {
+    const double *inward = t->inward + 3 * i, *spread = t->spread + 6 * i;
+    int64_t *slots = t->slots + LOOKS * i, body = t->body[i];
+    double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], far = t->limit + 2.0 * t->lift[i], nearest = __builtin_inf();
+    t->looks++;
+    for (int p = 4; p >= 0; p--) {
+        for (int k = 0; k < 3; k++) each[p][k] = 0.0;
+        for (int above = 1; above < 3; above++) {
+            double x[3], weight = above == 1 ? 2.0 : -1.0;
+            dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[2 * p + above - 1]};
+            for (int k = 0; k < 3; k++)
+                x[k] = t->points[3 * i + k] + t->where[3 * i + k] + PLACES[p][0] * spread[k] + PLACES[p][1] * spread[3 + k] + above * t->lift[i] * inward[k];
+            dermis_look(t->posed, t->bodies, far, far, x, inward, &sight);
+            if (sight.body < 0) {
+                nothing(t, v, i);
+                return;
+            }
+            slots[2 * p + above - 1] = sight.slot, body = sight.body;
+            gap += weight * PLACES[p][2] * sight.gap;
+            for (int k = 0; k < 3; k++) each[p][k] += weight * sight.normal[k];
+            if (sight.gap < nearest) nearest = sight.gap, t->body[i] = sight.body, t->triangle[i] = sight.triangle;
+        }
+        for (int k = 0; k < 3; k++) turn[k] += PLACES[p][2] * each[p][k];
+    }
+    double length = dermis_root(dermis_dot(turn, turn)), bent = 0.0;
+    if (!(length > 0.1)) {
+        nothing(t, v, i);
+        return;
+    }
+    t->clearance[i] = gap / length;
+    for (int a = 0; a < 2; a++) {
+        double size = dermis_root(dermis_dot(spread + 3 * a, spread + 3 * a));
+        for (int k = 0; k < 3; k++) {
+            double more = a == 0 ? (each[0][k] + each[1][k]) - (each[2][k] + each[3][k]) : (each[0][k] + each[2][k]) - (each[1][k] + each[3][k]);
+            v->bend[a][k] = more / (4.0 * size * length), v->side[a][k] = spread[3 * a + k] / size;
+            bent = dermis_most(bent, dermis_abs(more));
+        }
+    }
+    v->flat = bent < 1e-9;
+    for (int k = 0; k < 3; k++) v->normal[k] = v->plane[k] = t->normal[3 * i + k] = turn[k] / length, v->at[k] = 0.0;
+    v->gap = t->clearance[i];
+}
+
+/* Set the plane of the gap at z. */
+static void turn(const dermis_touch *t, view *v, int64_t i) {
+    double along[2] = {dermis_dot(v->at, v->side[0]), dermis_dot(v->at, v->side[1])}, gap = t->clearance[i], bend = 0.0;
+    for (int k = 0; k < 3; k++) {
+        double more = along[0] * v->bend[0][k] + along[1] * v->bend[1][k];
+        gap += v->at[k] * v->normal[k], bend += v->at[k] * more;
+        v->plane[k] = v->normal[k] + more;
+    }
+    double length = dermis_root(dermis_dot(v->plane, v->plane));
+    for (int k = 0; k < 3; k++) v->plane[k] /= length;
+    v->gap = (gap + 0.5 * bend) / length;
+}
+
+static double entry(const dermis_touch *t, int64_t row, int64_t column) {
+    int64_t at = row * t->stride + column;
+    return t->single ? (double)((const float *)t->compliance)[at] : ((const double *)t->compliance)[at];
+}
+
+static void move_all(dermis_touch *t, int64_t i, const double *f) {
+    int64_t first = 3 * i * t->stride, n = 3 * t->count;
+    double x = f[0], y = f[1], z = f[2], *restrict image = t->image;
+    if (t->single) {
+        const float *restrict a = (const float *)t->compliance + first, *restrict b = a + t->stride, *restrict d = b + t->stride;
+        for (int64_t k = 0; k < n; k++) image[k] += (x * (double)a[k] + y * (double)b[k]) + z * (double)d[k];
+    } else {
+        const double *restrict a = (const double *)t->compliance + first, *restrict b = a + t->stride, *restrict d = b + t->stride;
+        for (int64_t k = 0; k < n; k++) image[k] += (x * a[k] + y * b[k]) + z * d[k];
+    }
+}
+
+static double soft_of(const dermis_touch *t, int64_t i) { return t->body[i] < 0 ? 0.0 : t->posed[t->body[i]].softness / t->areas[i]; }
+static double rub_of(const dermis_touch *t, int64_t i) { return t->body[i] < 0 ? 0.0 : t->posed[t->body[i]].friction; }
+
+/* Way of the point since its last look (3). */
+static void way_of(const dermis_touch *t, int64_t i, double *way) {
+    for (int k = 0; k < 3; k++)
+        way[k] = t->image[3 * i + k] + t->shift[3 * i + k] + soft_of(t, i) * t->force[3 * i + k] - t->where[3 * i + k];
+}
+
+/* Relative displacement of a point under its force: the gap along the normal, and slip across it (3). */
+static void relative(const dermis_touch *t, const view *v, int64_t i, double *w) {
+    const double *n = v->plane;
+    double gap = v->gap, slip = 0.0, way[3];
+    way_of(t, i, way);
+    for (int k = 0; k < 3; k++) {
+        gap += n[k] * (way[k] - v->at[k]);
+        w[k] = way[k] + t->where[3 * i + k] + t->drag[3 * i + k];
+        slip += w[k] * n[k];
+    }
+    for (int k = 0; k < 3; k++) w[k] += (gap - slip) * n[k];
+}
+
+/* Let the normal follow the point. */
+static void follow(dermis_touch *t, view *v, int64_t i, double trust) {
+    double way[3];
+    way_of(t, i, way);
+    if (trust <= STILL && dermis_dot(way, way) <= trust * trust) return;
+    for (int k = 0; k < 3; k++) v->at[k] += SHARE * (way[k] - v->at[k]);
+    if (trust <= STILL) trust = 0.0;
+    if (dermis_dot(v->at, v->at) > trust * trust) {
+        for (int k = 0; k < 3; k++) t->where[3 * i + k] += v->at[k];
+        look(t, v, i);
+    } else if (trust > STILL) {
+        turn(t, v, i);
+    } else {
+        for (int k = 0; k < 3; k++) v->at[k] = 0.0; /* the plane of the last look */
+    }
+}
+
+/* Improve the force on a point while all others are fixed; return the squared change. */
+static double visit(dermis_touch *t, view *v, int64_t i, double trust) {
+    double *force = t->force + 3 * i, found[3] = {0.0, 0.0, 0.0}, change[3], w[3];
+    int loaded = force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0;
+    if (!loaded) {
+        if (t->body[i] < 0) return 0.0;
+        relative(t, v, i, w);
+        if (dermis_dot(w, v->plane) > APART) return 0.0;
+    }
+    if (t->body[i] >= 0) follow(t, v, i, trust);
+    if (t->body[i] >= 0) {
+        const double *n = v->plane;
+        double own = 0.0, normal = 0.0, soft = soft_of(t, i), cn[3];
+        relative(t, v, i, w);
+        double gap = dermis_dot(w, n), along = dermis_dot(force, n), mu = rub_of(t, i);
+        if (!loaded && gap >= 0.0) return 0.0;
+        for (int r = 0; r < 3; r++) {
+            cn[r] = soft * n[r];
+            for (int c = 0; c < 3; c++) cn[r] += entry(t, 3 * i + r, 3 * i + c) * n[c];
+            own += entry(t, 3 * i + r, 3 * i + r) + soft, normal += n[r] * cn[r];
+        }
+        if (mu == 0.0) /* first turn the force, with what that does to the gap */
+            for (int k = 0; k < 3; k++) gap += cn[k] * (along * n[k] - force[k]);
+        double press = along - gap / normal, across = 0.5 * (own - normal);
+        if (press > 0.0) {
+            for (int k = 0; k < 3; k++) found[k] = press * n[k];
+            if (mu > 0.0) {
+                double moved[3], side[3], out;
+                for (int k = 0; k < 3; k++) moved[k] = w[k] + cn[k] * (press - along);
+                out = dermis_dot(moved, n);
+                for (int k = 0; k < 3; k++) side[k] = force[k] - along * n[k] - (moved[k] - out * n[k]) / across;
+                double length = dermis_root(dermis_dot(side, side)), share = length > mu * press ? mu * press / length : 1.0;
+                for (int k = 0; k < 3; k++) found[k] += share * side[k];
+            }
+        }
+    }
+    for (int k = 0; k < 3; k++) change[k] = found[k] - force[k], force[k] = found[k];
+    double square = dermis_dot(change, change);
+    if (square > 0.0) move_all(t, i, change);
+    return square;
+}
+
+/* Residual of f = P(f - w / own), as in sweeps.c. */
+static void assess(dermis_touch *t, view *views) {
+    double error = 0.0, size = 0.0, projected = 0.0;
+    for (int64_t i = 0; i < t->count; i++) {
+        const double *force = t->force + 3 * i, *n = views[i].plane;
+        double *w = t->moved + 3 * i, own = 3.0 * soft_of(t, i), v[3], side[3];
+        t->status[i] = 0;
+        if (t->body[i] < 0) {
+            for (int k = 0; k < 3; k++) w[k] = 0.0, error += force[k] * force[k];
+            continue;
+        }
+        relative(t, views + i, i, w);
+        for (int k = 0; k < 3; k++) own += entry(t, 3 * i + k, 3 * i + k);
+        for (int k = 0; k < 3; k++) v[k] = force[k] - 3.0 * w[k] / own;
+        double along = dermis_dot(v, n), press = dermis_most(along, 0.0), most = rub_of(t, i) * press, length;
+        for (int k = 0; k < 3; k++) side[k] = v[k] - along * n[k];
+        length = dermis_root(dermis_dot(side, side));
+        for (int k = 0; k < 3; k++) v[k] = press * n[k] + (length > most ? most / length : 1.0) * side[k];
+        size += dermis_dot(force, force), projected += dermis_dot(v, v);
+        for (int k = 0; k < 3; k++) v[k] -= force[k];
+        error += dermis_dot(v, v);
+        double on = dermis_dot(force, n);
+        for (int k = 0; k < 3; k++) side[k] = force[k] - on * n[k];
+        if (on > 0.0) t->status[i] = dermis_root(dermis_dot(side, side)) >= rub_of(t, i) * on * (1.0 - 1e-9) ? DERMIS_SLIP : DERMIS_STICK;
+    }
+    size = dermis_most(size, projected);
+    t->residual = size > 0.0 ? dermis_root(error / size) : 0.0;
+}
+
+/* Let every point that is near or loaded look again from where it is; return whether any had moved. */
+static int look_again(dermis_touch *t, view *views) {
+    int moved = 0;
+    for (int64_t i = 0; i < t->count; i++) {
+        const double *force = t->force + 3 * i;
+        view *v = views + i;
+        double way[3], w[3];
+        if (t->body[i] < 0) continue;
+        int loaded = force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0;
+        if (!loaded) {
+            relative(t, v, i, w);
+            if (dermis_dot(w, v->plane) > APART) continue;
+        }
+        way_of(t, i, way);
+        double still = v->flat ? FLAT : STILL;
+        if (dermis_dot(way, way) <= still * still) continue;
+        for (int k = 0; k < 3; k++) t->where[3 * i + k] += way[k];
+        look(t, v, i), moved = 1;
+    }
+    return moved;
+}
+
+static int finite(const double *values, int64_t count) {
+    for (int64_t k = 0; k < count; k++)
+        if (!dermis_finite(values[k])) return 0;
+    return 1;
+}
+
+static void solve(dermis_touch *t, view *views) {
+    int64_t n = t->count;
+    for (int64_t k = 0; k < 3 * n; k++) t->image[k] = 0.0;
+    for (int64_t i = 0; i < n; i++)
+        if (t->force[3 * i] != 0.0 || t->force[3 * i + 1] != 0.0 || t->force[3 * i + 2] != 0.0) move_all(t, i, t->force + 3 * i);
+    for (int round = 0; round < 3 && t->sweeps < t->most; round++) {
+        double goal = round == 0 ? 3e-3 : round == 1 ? 1e-3 : t->tolerance, trust = round < 2 ? TRUST : STILL;
+        if (round > 0) look_again(t, views);
+        assess(t, views);
+        t->trace[4 * round] = (double)t->sweeps, t->trace[4 * round + 1] = (double)t->looks, t->trace[4 * round + 2] = t->residual, t->trace[4 * round + 3] = 1.0;
+        double still = goal;
+        while (t->sweeps < t->most && t->residual > goal) {
+            double change = 0.0, size = 0.0;
+            for (int64_t i = 0; i < n; i++) visit(t, views + i, i, trust);
+            t->trace[41] = 0;
+            for (int64_t i = n - 1; i >= 0; i--) {
+                double c = visit(t, views + i, i, trust), w_[3];
+                change += c;
+                if (c > t->trace[41]) {
+                    way_of(t, i, w_);
+                    t->trace[40] = (double)i, t->trace[41] = c, t->trace[42] = dermis_root(dermis_dot(views[i].at, views[i].at)), t->trace[43] = dermis_root(dermis_dot(w_, w_)), t->trace[44] = (double)t->looks, t->trace[45] = dermis_root(dermis_dot(t->force + 3 * i, t->force + 3 * i)), t->trace[46] = views[i].gap, t->trace[47] = (double)views[i].flat;
+                }
+            }
+            t->sweeps += 2;
+            for (int64_t k = 0; k < 3 * n; k++) size += t->force[k] * t->force[k];
+            if (change > still * still * size) continue;
+            assess(t, views);
+            still *= 0.25;
+        }
+    }
+    for (int64_t i = 0; i < n; i++) {
+        if (t->body[i] < 0) continue;
+        for (int k = 0; k < 3; k++) t->where[3 * i + k] += views[i].at[k], t->normal[3 * i + k] = views[i].plane[k];
+        t->clearance[i] = views[i].gap;
+    }
+}
+
+DERMIS_NOINLINE static int32_t touch(dermis_touch *t) {
+    int64_t n = t->count;
+    view *views = t->room;
+    if (!dermis_known_posed(t->posed, t->bodies) || !finite(t->points, 3 * n) || !finite(t->where, 3 * n) || !finite(t->force, 3 * n)) return DERMIS_NOT_FINITE;
+    if (!finite(t->drag, 3 * n) || !finite(t->shift, 3 * n)) return DERMIS_NOT_FINITE;
+    t->sweeps = t->looks = 0;
+    for (int k = 0; k < 48; k++) t->trace[k] = 0.0;
+    for (int64_t i = 0; i < n; i++) look(t, views + i, i);
+    if (t->compliance != NULL) solve(t, views);
+    return DERMIS_DONE;
+}
+
+static int sound(const dermis_touch *t) {
+    return t->count >= 0 && dermis_sound_posed(t->posed, t->bodies) && (t->single == 0 || t->single == 1) && t->width == (int64_t)sizeof(view);
+}
+
+DERMIS_FUNCTION(dermis_touch_points, dermis_touch, sound, touch)

@@ -173,6 +173,7 @@ typedef struct {
     const double *inward;    /* unit vectors into the finger (count, 3) */
     const double *spread;    /* offsets along both sides at which a point looks (count, 2, 3) [m] */
     const double *lift;      /* lift of the first look (count) [m] */
+    double ratio;            /* lift of the second look over that of the first */
     const double *drag;      /* slip without displacement (count, 3) [m] */
     const double *shift;     /* displacement that no force causes (count, 3) [m] */
     const double *areas;     /* of the cells (count) [m^2] */

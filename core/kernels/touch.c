@@ -10,7 +10,7 @@
 #include "numbers.h"
 #include "posed.h"
 
-#define LOOKS 15
+#define LOOKS 10
 /* SHARE: of a point's way that its normal follows in a visit; with all of it, normals turn back and forth.
    TRUST: way since the last look after which a point looks again within the sweeps [m].
    STILL, FLAT: way after which it looks again between the sweeps, where its normal turns and where it does not [m].
@@ -41,24 +41,13 @@ static void nothing(dermis_touch *t, view *v, int64_t i) {
 static void look(dermis_touch *t, view *v, int64_t i) {
     const double *inward = t->inward + 3 * i, *spread = t->spread + 6 * i;
     int64_t *slots = t->slots + LOOKS * i, body = t->body[i];
-    double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], far, r = t->ratio, ups[3], ws[3], nearest = __builtin_inf();
-    int m = 2;
-    if (r <= 0.0) {
-        m = 3, ups[0] = 1.0, ups[1] = -r, ups[2] = -2.0 * r - 1.0;
-        for (int a = 0; a < 3; a++) {
-            ws[a] = 1.0;
-            for (int b = 0; b < 3; b++)
-                if (b != a) ws[a] *= ups[b] / (ups[b] - ups[a]);
-        }
-    } else
-        ups[0] = 1.0, ups[1] = r, ws[0] = r / (r - 1.0), ws[1] = -1.0 / (r - 1.0);
-    far = t->limit + ups[m - 1] * t->lift[i];
+    double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], far = t->limit + t->ratio * t->lift[i], high = t->ratio, first = high / (high - 1.0), second = -1.0 / (high - 1.0), nearest = __builtin_inf();
     t->looks++;
     for (int p = 4; p >= 0; p--) {
         for (int k = 0; k < 3; k++) each[p][k] = 0.0;
-        for (int above = 0; above < m; above++) {
-            double x[3], weight = ws[above], up = ups[above] * t->lift[i];
-            dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[3 * p + above]};
+        for (int above = 1; above < 3; above++) {
+            double x[3], weight = above == 1 ? first : second, up = above == 1 ? t->lift[i] : high * t->lift[i];
+            dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[2 * p + above - 1]};
             for (int k = 0; k < 3; k++)
                 x[k] = t->points[3 * i + k] + t->where[3 * i + k] + PLACES[p][0] * spread[k] + PLACES[p][1] * spread[3 + k] + up * inward[k];
             dermis_look(t->posed, t->bodies, far, far, x, inward, &sight);
@@ -66,7 +55,7 @@ static void look(dermis_touch *t, view *v, int64_t i) {
                 nothing(t, v, i);
                 return;
             }
-            slots[3 * p + above] = sight.slot, body = sight.body;
+            slots[2 * p + above - 1] = sight.slot, body = sight.body;
             gap += weight * PLACES[p][2] * sight.gap;
             for (int k = 0; k < 3; k++) each[p][k] += weight * sight.normal[k];
             if (sight.gap < nearest) nearest = sight.gap, t->body[i] = sight.body, t->triangle[i] = sight.triangle;

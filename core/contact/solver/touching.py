@@ -19,7 +19,7 @@ from .path_step import SolvedFrame
 from .solve import Solution
 
 MOST_SWEEPS, WIDTH = 1000, 23
-LIFT, SPREAD, RATIO = 0.5e-3, 0.3e-3, 2.0
+LIFT, SPREAD, RATIO = 0.3e-3, 0.25e-3, 6.0
 
 
 class Touching:
@@ -43,7 +43,7 @@ class Touching:
             "normal": np.empty((n, 3)),
             "body": np.full(n, -1, dtype=np.int64),
             "triangle": np.empty(n, dtype=np.int64),
-            "slots": np.full((n, 15), -1, dtype=np.int64),
+            "slots": np.full((n, 10), -1, dtype=np.int64),
             "force": np.zeros((n, 3)),
             "drag": np.zeros((n, 3)),
             "shift": np.zeros((n, 3)),

@@ -197,16 +197,14 @@ typedef struct {
     double trace[48];        /* out */
 } dermis_touch;
 
-/* The cells of a pad, the bodies near it, and the search for cells that may touch; see `survey.c`.
+/* The cells of a pad at rest, the bodies near it, and the search for cells that may touch; see `survey.c`.
 
-   Cells are the tiles of core/skin/tiles.py. The displacement of the skin at a cell is that of the contact points which
-   cover it. */
+   Cells are the tiles of core/skin/tiles.py. */
 typedef struct {
     int64_t bodies;              /* number of bodies */
     const dermis_posed *posed;   /* (bodies) */
     double limit;                /* bodies farther away than this are not found [m] */
     int64_t roots, levels;       /* number of roots, which are the cells of level 0 and come first; number of levels */
-    int64_t squares;             /* number of finest squares in a root */
     const int64_t *first;        /* first cell with given numbers of halvings of its two sides, -1 if none (levels,
                                     levels) */
     const int64_t *ways;         /* direction in which a cell can be divided in place of the wanted one, by the numbers
@@ -215,37 +213,20 @@ typedef struct {
     const int64_t *root;         /* root that contains each cell (cells) */
     const int64_t *halved;       /* number of halvings of each side (cells, 2) */
     const int64_t *place;        /* position in the root, in cells of the same size (cells, 2) */
-    const int16_t *quarters;     /* finest square at the centre of each quarter, by its index in the root (cells, 4) */
     const double *positions, *normals; /* centres [m] and outward unit normals (cells, 3) */
     const double *sides;         /* side vectors (cells, 2, 3) [m] */
     const double *limits;        /* a cell may touch if its gap is below this (cells) [m] */
     const double *longs;         /* longer side (cells) [m] */
-    const int64_t *ways_before;  /* direction in which the last survey divided each cell, 0 for none (cells) */
-    int64_t points;              /* number of contact points at present */
-    const int64_t *owner;        /* point that covers each finest square, -1 for none (roots, squares) */
-    const int64_t *in_root;      /* last point in each root, -1 for none (roots) */
-    const double *raised;        /* displacement of each point, see `MovedSkin.raised` (points, 3) [m] */
-    int64_t loaded;              /* number of roots that carry force */
-    const double *load;          /* forces on these roots, divided by the modulus (loaded, 3) [m^2] */
-    const int64_t *rows;         /* rows of `table` for these roots (loaded) */
-    int64_t filled;              /* number of rows in `table` */
-    const float *table;          /* displacement of all roots for unit forces on one, for E = 1 (filled, 3, roots, 3)
-                                    [1/m] */
-    double common[3];            /* displacement of all skin with the bone [m] */
-    double turned, edge, sharp, bent, corners, beyond, beside, merge, odd, level, deep, steep; /* see point_tree.py */
-    int64_t often, coarsest, many;                                                             /* see point_tree.py */
+    double turned, edge, bent, corners, beyond, beside, odd, deep, steep; /* see point_tree.py */
+    int64_t coarsest, many;      /* see point_tree.py */
     int64_t thorough;            /* 1: test points are evaluated even if one flat face is all that is near; the
                                     resulting cells are the same */
     int64_t most;                /* capacity of the arrays below; 4 per root are enough if `coarsest` is at most 1 */
     int64_t *room;               /* workspace (2, most) */
-    double *afar;                /* workspace (roots, 3) */
-    int64_t finest;              /* largest number of times that a side may be halved. In: that of the last survey; out:
-                                    that of this one */
-    int64_t found, cut, edges;   /* out: number of cells that may touch, and of divided cells; 1 if an edge is near a
-                                    cell that may be divided, else 0 */
+    int64_t finest;              /* largest number of times that a side may be halved; out: what was possible */
+    int64_t found;               /* out: number of cells that may touch */
     int64_t *leaves;             /* out: cells that may touch (found) */
     double *clearance;           /* out: gaps of these cells (found) [m] */
-    int64_t *cuts, *cut_ways;    /* out: divided cells, and the direction in which each is divided (cut) */
 } dermis_survey;
 
 /* The neo-Hookean law on a mesh of tetrahedra.

@@ -26,12 +26,11 @@ from .bodies import moved as body_moved
 from .compliance import Linear, own_compliance
 from .history import ContactHistory
 from .law_skin import LawSkin
-from .moved_skin import MovedSkin
 from .path_solver import BONE, DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
 from .point_gaps import passed_on
 from .point_reach import PointReach
 from .point_set import PointSet
-from .point_tree import MANY, OFTEN, PointTree
+from .point_tree import FINEST, MANY, PointTree
 from .posed_records import in_reach
 from .path_solver import CHECK
 from .path_step import SolvedFrame
@@ -134,7 +133,6 @@ class PointSolver(PathSolver):
 
     def reset(self) -> None:
         """Forget the history: the next frame is solved from rest."""
-        self._tree.forget()
         self._asked = None
         self._new = 0
         self._change(np.arange(len(self.cells)), np.zeros(0, dtype=np.int64))
@@ -142,14 +140,13 @@ class PointSolver(PathSolver):
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
-        own = {"points": self._points.save(), "tree": self._tree.save()}
+        own = {"points": self._points.save()}
         return {**super().save(), **own, "asked": self._asked, "new": self._new}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state, with its points."""
         self._points.restore(state["points"])
         self._number()
-        self._tree.restore(state["tree"])
         self._asked, self._new = state["asked"], state["new"]
         super().restore(state)
 
@@ -226,15 +223,17 @@ class PointSolver(PathSolver):
     def _asks(self, bodies: Sequence[ContactBody]) -> bool:
         """Return whether a new survey of the points is due.
 
-        It is due at first. Later, it is due if a body near the pad has appeared, disappeared or changed its surface, or
-        has moved farther than the tree's patience, since the last survey.
+        It is due at first. Later, it is due if a body near the pad has appeared, disappeared or changed its surface, or has
+        moved, since the last survey.
         """
         if self._asked is None:
             return True
         for a, b in paired(self._asked, bodies):
             if a is b or a.same_place(b) or not any(in_reach(body, self._corners, REACH) for body in (a, b)):
                 continue
-            if a.away or b.away or a.surface is not b.surface or travel(a, b, self._corners) > self._tree.patience:
+            if a.away or b.away or a.surface is not b.surface:
+                return True
+            if travel(a, b, self._corners) > 0.0:
                 return True
         return False
 
@@ -243,7 +242,7 @@ class PointSolver(PathSolver):
 
         They are found by a survey of the tree.
         """
-        found = self._tree.survey(bodies, self._skin(), REACH, self.bone, self.cells[self.loaded])
+        found = self._tree.survey(bodies, REACH, self.bone, self.cells[self.loaded])
         self._asked = bodies
         leaving, entering = self._points.difference(found)
         if len(leaving) or len(entering):
@@ -252,7 +251,6 @@ class PointSolver(PathSolver):
 
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
         """Remove and add points; return the former index of each point that stays."""
-        count = len(self.cells)
         order = self._points.change(leaving, entering)
         self._number()
         return order
@@ -292,9 +290,6 @@ class PointSolver(PathSolver):
             self._step = replace(self._step, gaps=passed_on(self._step.gaps, n, here, there))
         self._at_rest = False
 
-    def _skin(self) -> MovedSkin:
-        return MovedSkin(self._points, self._force, self._image)
-
     # -- the compliance ------------------------------------------------------------------------------------------
 
     def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:
@@ -311,7 +306,7 @@ class PointSolver(PathSolver):
 
     def _report(self, step: PathStep, where: float) -> None:
         super()._report(step, where)
-        if self._tree.finest < OFTEN:
+        if self._tree.finest < FINEST:
             self.notes.warn(
                 "too-fine",
                 "contact has too many edges for the finest points: it is solved on coarser ones",

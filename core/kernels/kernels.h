@@ -158,6 +158,7 @@ typedef struct {
     double friction;         /* friction coefficient */
     double softness;         /* compliance of the body's own surface [m/Pa] */
     double side;             /* factor on gap and normal: 1, or -1 if the finger is behind the faces of an open sheet */
+    double sharpness;        /* share of the largest lift at which points look, see touch.c */
 } dermis_posed;
 
 /* Points of smooth skin, the bodies near them, and contact between both; see `touch.c`. */

@@ -37,19 +37,32 @@ static void nothing(dermis_touch *t, view *v, int64_t i) {
     for (int k = 0; k < 3; k++) t->normal[3 * i + k] = v->plane[k] = v->normal[k] = v->at[k] = 0.0;
 }
 
+/* Return the share of the lift and the spread that the closest body needs. */
+static double sharpness_at(const dermis_touch *t, int64_t i) {
+    dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, t->body[i], -1, -1};
+    double x[3], share = t->bodies > 0 ? t->posed[0].sharpness : 1.0;
+    int alike = 1;
+    for (int64_t b = 1; b < t->bodies; b++) alike &= t->posed[b].sharpness == share;
+    if (alike) return share;
+    for (int k = 0; k < 3; k++) x[k] = t->points[3 * i + k] + t->where[3 * i + k] + t->lift[i] * t->inward[3 * i + k];
+    dermis_look(t->posed, t->bodies, t->limit + t->lift[i], t->limit, x, t->inward + 3 * i, &sight);
+    return sight.body < 0 ? 1.0 : t->posed[sight.body].sharpness;
+}
+
 /* Look at the bodies from where the point is displaced to. */
 static void look(dermis_touch *t, view *v, int64_t i) {
     const double *inward = t->inward + 3 * i, *spread = t->spread + 6 * i;
     int64_t *slots = t->slots + LOOKS * i, body = t->body[i];
-    double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], far = t->limit + t->ratio * t->lift[i], high = t->ratio, first = high / (high - 1.0), second = -1.0 / (high - 1.0), nearest = __builtin_inf();
+    double share = sharpness_at(t, i), lift = share * t->lift[i];
+    double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], far = t->limit + t->ratio * lift, high = t->ratio, first = high / (high - 1.0), second = -1.0 / (high - 1.0), nearest = __builtin_inf();
     t->looks++;
     for (int p = 4; p >= 0; p--) {
         for (int k = 0; k < 3; k++) each[p][k] = 0.0;
         for (int above = 1; above < 3; above++) {
-            double x[3], weight = above == 1 ? first : second, up = above == 1 ? t->lift[i] : high * t->lift[i];
+            double x[3], weight = above == 1 ? first : second, up = above == 1 ? lift : high * lift;
             dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[2 * p + above - 1]};
             for (int k = 0; k < 3; k++)
-                x[k] = t->points[3 * i + k] + t->where[3 * i + k] + PLACES[p][0] * spread[k] + PLACES[p][1] * spread[3 + k] + up * inward[k];
+                x[k] = t->points[3 * i + k] + t->where[3 * i + k] + share * (PLACES[p][0] * spread[k] + PLACES[p][1] * spread[3 + k]) + up * inward[k];
             dermis_look(t->posed, t->bodies, far, far, x, inward, &sight);
             if (sight.body < 0) {
                 nothing(t, v, i);
@@ -72,7 +85,7 @@ static void look(dermis_touch *t, view *v, int64_t i) {
         double size = dermis_root(dermis_dot(spread + 3 * a, spread + 3 * a));
         for (int k = 0; k < 3; k++) {
             double more = a == 0 ? (each[0][k] + each[1][k]) - (each[2][k] + each[3][k]) : (each[0][k] + each[2][k]) - (each[1][k] + each[3][k]);
-            v->bend[a][k] = more / (4.0 * size * length), v->side[a][k] = spread[3 * a + k] / size;
+            v->bend[a][k] = more / (4.0 * share * size * length), v->side[a][k] = spread[3 * a + k] / size;
             bent = dermis_most(bent, dermis_abs(more));
         }
     }

@@ -34,6 +34,7 @@ from .gap_query import GapQuery
 from .kernel_body import KernelBody
 from .pieces import pieces
 from .plain_triangles import PlainTriangles
+from .roundness import roundness
 from .surface_normals import SurfaceNormals
 from .topology import Topology, topology_of
 from .triangle_tree import TriangleTree
@@ -170,6 +171,11 @@ class Surface:
     def doubled(self) -> int:
         """Number of triangles that lie on others, which are ignored."""
         return 0 if self.topology.doubled is None else int(self.topology.doubled.sum())
+
+    @cached_property
+    def roundness(self) -> float:
+        """Radius of the sharpest convex bend [m], see `roundness`."""
+        return roundness(self.table, self.topology)
 
     @cached_property
     def box(self) -> Array:

@@ -13,6 +13,10 @@ from ...kernels import records
 from ...surface.gap import Surface
 from .bodies import ContactBody, boxes_meet
 
+# UNIQUE: radius of an edge from which contact has one state on cells of 0.2 mm [m]. ROUNDED: radius that the largest
+# lift adds to an edge [m]. ROUND: least share of the lift.
+UNIQUE, ROUNDED, ROUND = 0.45e-3, 0.25e-3, 1.0 / 3.0
+
 
 def posed_records(
     bodies: Sequence[ContactBody], points: Array, reach: float, bone: Array
@@ -44,6 +48,14 @@ def in_reach(body: ContactBody, points: Array, reach: float) -> bool:
     return bool(surface.table.usable.any()) and boxes_meet(body.local(points)[0], surface.box, reach)
 
 
+def sharpness(body: ContactBody) -> float:
+    """Return the share of the largest lift that a body needs, from `ROUND` to 1."""
+    if not isinstance(body.surface, Surface):
+        return ROUND
+    needed = 1.0 if body.deforms else (UNIQUE - body.surface.roundness) / ROUNDED
+    return min(max(needed, ROUND), 1.0)
+
+
 def _pose(record: records.PosedRecord, body: ContactBody, bone: Array) -> None:
     """Fill in the record of a body."""
     record.side, kernel = 1.0, body.surface.kernel_body
@@ -57,3 +69,4 @@ def _pose(record: records.PosedRecord, body: ContactBody, bone: Array) -> None:
     record.rotation[:] = np.asarray(body.rotation).reshape(-1).tolist()
     record.translation[:] = body.translation.tolist()
     record.friction, record.softness = body.friction, body.softness
+    record.sharpness = sharpness(body)

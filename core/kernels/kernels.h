@@ -164,9 +164,10 @@ typedef struct {
 /* Points of smooth skin, the bodies near them, and contact between both; see `touch.c`. */
 typedef struct {
     int64_t count;           /* number of points */
-    int64_t single;          /* 1: the compliance has floats; 0: it has doubles */
+    int64_t avx2;            /* 1: use AVX2 */
+    int64_t looked;          /* 1: `room` and the arrays of the gap are those of a look before */
     int64_t stride;          /* numbers from the start of one row of the compliance to the start of the next */
-    const void *compliance;  /* C (3 count, stride) [m/N]; null: only look */
+    const float *compliance; /* C (3 count, stride) [m/N]; null: only look */
     int64_t bodies;          /* number of bodies */
     const dermis_posed *posed; /* (bodies) */
     double limit;            /* bodies farther away than this are not found [m] */

@@ -20,6 +20,8 @@
 #define STILL 2e-6
 #define FLAT 0.02e-3
 #define APART 0.05e-3
+#define FAR 0.2e-3
+#define ROUND 0.34 /* share of the lift below which one place is enough */
 
 static const double PLACES[5][3] = {{1, 1, 1.0 / 6}, {1, -1, 1.0 / 6}, {-1, 1, 1.0 / 6}, {-1, -1, 1.0 / 6}, {0, 0, 2.0 / 6}};
 
@@ -29,6 +31,7 @@ typedef struct {
     double at[3];                             /* z */
     double plane[3], gap;                     /* unit normal at z, and the gap there */
     int64_t flat;                             /* 1: the normal does not turn */
+    int64_t rough;                            /* 1: the point is far, and looked but once */
 } view;
 
 static void nothing(dermis_touch *t, view *v, int64_t i) {
@@ -49,18 +52,31 @@ static double sharpness_at(const dermis_touch *t, int64_t i) {
     return sight.body < 0 ? 1.0 : t->posed[sight.body].sharpness;
 }
 
-/* Look at the bodies from where the point is displaced to. */
-static void look(dermis_touch *t, view *v, int64_t i) {
+/* Take a gap and a normal for those of a plane. */
+static void take_plane(dermis_touch *t, view *v, int64_t i, double gap, const double *normal) {
+    t->clearance[i] = v->gap = gap, v->flat = 1;
+    for (int k = 0; k < 3; k++) {
+        v->normal[k] = v->plane[k] = t->normal[3 * i + k] = normal[k], v->at[k] = 0.0;
+        v->bend[0][k] = v->bend[1][k] = v->side[0][k] = v->side[1][k] = 0.0;
+    }
+}
+
+/* Look at the bodies from where the point is displaced to.
+
+   thorough: 0: a point that is farther than FAR away takes the plane of the first look. */
+static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
     const double *inward = t->inward + 3 * i, *spread = t->spread + 6 * i;
     int64_t *slots = t->slots + LOOKS * i, body = t->body[i];
-    double share = sharpness_at(t, i), lift = share * t->lift[i];
-    double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], far = t->limit + t->ratio * lift, high = t->ratio, first = high / (high - 1.0), second = -1.0 / (high - 1.0), nearest = __builtin_inf();
-    t->looks++;
-    for (int p = 4; p >= 0; p--) {
+    double share = sharpness_at(t, i), lift = share * t->lift[i], high = t->ratio, far = t->limit + high * lift;
+    double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], nearest = __builtin_inf();
+    int least = share > ROUND ? 0 : 4;
+    t->looks++, v->rough = 0;
+    for (int p = 4; p >= least; p--) {
+        double part = least == 4 ? 1.0 : PLACES[p][2];
         for (int k = 0; k < 3; k++) each[p][k] = 0.0;
-        for (int above = 1; above < 3; above++) {
-            double x[3], weight = above == 1 ? first : second, up = above == 1 ? lift : high * lift;
-            dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[2 * p + above - 1]};
+        for (int above = 0; above < 2; above++) {
+            double x[3], up = above ? high * lift : lift, weight = above ? -1.0 / (high - 1.0) : high / (high - 1.0);
+            dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[2 * p + above]};
             for (int k = 0; k < 3; k++)
                 x[k] = t->points[3 * i + k] + t->where[3 * i + k] + share * (PLACES[p][0] * spread[k] + PLACES[p][1] * spread[3 + k]) + up * inward[k];
             dermis_look(t->posed, t->bodies, far, far, x, inward, &sight);
@@ -68,20 +84,30 @@ static void look(dermis_touch *t, view *v, int64_t i) {
                 nothing(t, v, i);
                 return;
             }
-            slots[2 * p + above - 1] = sight.slot, body = sight.body;
-            gap += weight * PLACES[p][2] * sight.gap;
-            for (int k = 0; k < 3; k++) each[p][k] += weight * sight.normal[k];
+            slots[2 * p + above] = sight.slot, body = sight.body;
             if (sight.gap < nearest) nearest = sight.gap, t->body[i] = sight.body, t->triangle[i] = sight.triangle;
+            if (p == 4 && above == 0) {
+                double there = sight.gap - lift * dermis_dot(inward, sight.normal);
+                int rough = !thorough && sight.gap - lift > FAR;
+                if (rough || (t->bodies == 1 && t->posed[0].body == NULL)) {
+                    take_plane(t, v, i, there, sight.normal);
+                    v->rough = rough;
+                    return;
+                }
+            }
+            gap += weight * part * sight.gap;
+            for (int k = 0; k < 3; k++) each[p][k] += weight * sight.normal[k];
         }
-        for (int k = 0; k < 3; k++) turn[k] += PLACES[p][2] * each[p][k];
+        for (int k = 0; k < 3; k++) turn[k] += part * each[p][k];
     }
-    double length = dermis_root(dermis_dot(turn, turn)), bent = 0.0;
+    double length = dermis_root(dermis_dot(turn, turn)), bent = 0.0, normal[3];
     if (!(length > 0.1)) {
         nothing(t, v, i);
         return;
     }
-    t->clearance[i] = gap / length;
-    for (int a = 0; a < 2; a++) {
+    for (int k = 0; k < 3; k++) normal[k] = turn[k] / length;
+    take_plane(t, v, i, gap / length, normal);
+    for (int a = 0; a < 2 && least == 0; a++) {
         double size = dermis_root(dermis_dot(spread + 3 * a, spread + 3 * a));
         for (int k = 0; k < 3; k++) {
             double more = a == 0 ? (each[0][k] + each[1][k]) - (each[2][k] + each[3][k]) : (each[0][k] + each[2][k]) - (each[1][k] + each[3][k]);
@@ -89,9 +115,7 @@ static void look(dermis_touch *t, view *v, int64_t i) {
             bent = dermis_most(bent, dermis_abs(more));
         }
     }
-    v->flat = bent < 1e-9;
-    for (int k = 0; k < 3; k++) v->normal[k] = v->plane[k] = t->normal[3 * i + k] = turn[k] / length, v->at[k] = 0.0;
-    v->gap = t->clearance[i];
+    v->flat = least == 0 && bent < 1e-9;
 }
 
 /* Set the plane of the gap at z. */
@@ -108,20 +132,32 @@ static void turn(const dermis_touch *t, view *v, int64_t i) {
 }
 
 static double entry(const dermis_touch *t, int64_t row, int64_t column) {
-    int64_t at = row * t->stride + column;
-    return t->single ? (double)((const float *)t->compliance)[at] : ((const double *)t->compliance)[at];
+    return (double)((const float *)t->compliance)[row * t->stride + column];
 }
+
+/* Add three rows, each multiplied by a component of the force f, to an image.
+
+   The sums and their order are the same in registers of any width. */
+static inline __attribute__((always_inline)) void add_rows(int64_t size, const float *restrict a, int64_t stride, const double *f, double *restrict image) {
+    const float *restrict b = a + stride, *restrict d = b + stride;
+    double x = f[0], y = f[1], z = f[2];
+    for (int64_t k = 0; k < size; k++) image[k] += (x * (double)a[k] + y * (double)b[k]) + z * (double)d[k];
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"), noinline)) static void add_rows_avx2(int64_t size, const float *a, int64_t stride, const double *f, double *image) {
+    add_rows(size, a, stride, f, image);
+}
+#else
+#define add_rows_avx2 add_rows
+#endif
 
 static void move_all(dermis_touch *t, int64_t i, const double *f) {
     int64_t first = 3 * i * t->stride, n = 3 * t->count;
-    double x = f[0], y = f[1], z = f[2], *restrict image = t->image;
-    if (t->single) {
-        const float *restrict a = (const float *)t->compliance + first, *restrict b = a + t->stride, *restrict d = b + t->stride;
-        for (int64_t k = 0; k < n; k++) image[k] += (x * (double)a[k] + y * (double)b[k]) + z * (double)d[k];
-    } else {
-        const double *restrict a = (const double *)t->compliance + first, *restrict b = a + t->stride, *restrict d = b + t->stride;
-        for (int64_t k = 0; k < n; k++) image[k] += (x * a[k] + y * b[k]) + z * d[k];
-    }
+    if (t->avx2)
+        add_rows_avx2(n, (const float *)t->compliance + first, t->stride, f, t->image);
+    else
+        add_rows(n, (const float *)t->compliance + first, t->stride, f, t->image);
 }
 
 static double soft_of(const dermis_touch *t, int64_t i) { return t->body[i] < 0 ? 0.0 : t->posed[t->body[i]].softness / t->areas[i]; }
@@ -155,7 +191,7 @@ static void follow(dermis_touch *t, view *v, int64_t i, double trust) {
     if (trust <= STILL) trust = 0.0;
     if (dermis_dot(v->at, v->at) > trust * trust) {
         for (int k = 0; k < 3; k++) t->where[3 * i + k] += v->at[k];
-        look(t, v, i);
+        look(t, v, i, 1);
     } else if (trust > STILL) {
         turn(t, v, i);
     } else {
@@ -172,6 +208,7 @@ static double visit(dermis_touch *t, view *v, int64_t i, double trust) {
         relative(t, v, i, w);
         if (dermis_dot(w, v->plane) > APART) return 0.0;
     }
+    if (v->rough && t->body[i] >= 0) look(t, v, i, 1);
     if (t->body[i] >= 0 && trust > 0.0) follow(t, v, i, trust);
     if (t->body[i] >= 0) {
         const double *n = v->plane;
@@ -251,7 +288,7 @@ static int look_again(dermis_touch *t, view *views) {
         double still = v->flat ? FLAT : STILL;
         if (dermis_dot(way, way) <= still * still) continue;
         for (int k = 0; k < 3; k++) t->where[3 * i + k] += way[k];
-        look(t, v, i), moved = 1;
+        look(t, v, i, 1), moved = 1;
     }
     return moved;
 }
@@ -306,13 +343,13 @@ DERMIS_NOINLINE static int32_t touch(dermis_touch *t) {
     if (!finite(t->drag, 3 * n) || !finite(t->shift, 3 * n)) return DERMIS_NOT_FINITE;
     t->sweeps = t->looks = 0;
     for (int k = 0; k < 48; k++) t->trace[k] = 0.0;
-    for (int64_t i = 0; i < n; i++) look(t, views + i, i);
+    for (int64_t i = 0; i < n && !t->looked; i++) look(t, views + i, i, 0);
     if (t->compliance != NULL) solve(t, views);
     return DERMIS_DONE;
 }
 
 static int sound(const dermis_touch *t) {
-    return t->count >= 0 && dermis_sound_posed(t->posed, t->bodies) && (t->single == 0 || t->single == 1) && t->width == (int64_t)sizeof(view);
+    return t->count >= 0 && dermis_sound_posed(t->posed, t->bodies) && t->width == (int64_t)sizeof(view);
 }
 
 DERMIS_FUNCTION(dermis_touch_points, dermis_touch, sound, touch)

@@ -116,6 +116,7 @@ class NodeGaps:
     triangle: Indices
     friction: Array
     softness: Array
+    where: Array | None = None
 
     @classmethod
     def nothing(cls, bodies: tuple[ContactBody, ...], count: int) -> NodeGaps:

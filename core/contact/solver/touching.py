@@ -18,14 +18,14 @@ from .posed_records import posed_records
 from .path_step import SolvedFrame
 from .solve import Solution
 
-MOST_SWEEPS, WIDTH = 1000, 23
+MOST_SWEEPS, WIDTH = 1000, 24
 LIFT, SPREAD, RATIO = 0.3e-3, 0.25e-3, 6.0
 
 
 class Touching:
     def __init__(self, reach: float, bone: Array) -> None:
         self._reach, self._bone = reach, bone
-        self._where = np.zeros((0, 3))
+        self._seen = None, None, None, None, None
 
     def _record(self, points: PointSet, bodies: Sequence[ContactBody], where: Array):
         n = len(points)
@@ -52,41 +52,47 @@ class Touching:
         record = records.TouchRecord(count=n, bodies=len(near), posed=addressof(posed), limit=self._reach, width=8 * WIDTH, ratio=RATIO)
         for name, array in kept.items():
             setattr(record, name, address(array))
-        return record, kept, (posed, np.array([*near, -1]))
+        return record, kept, np.array([*near, -1]), posed
 
     def _told(self, kept, near, bodies) -> NodeGaps:
         body, n = kept["body"], kept["normal"]
         friction = np.array([*(bodies[i].friction for i in near[:-1]), 0.0])[body]
         softness = np.array([*(bodies[i].softness for i in near[:-1]), 0.0])[body]
         gap = kept["clearance"] - np.einsum("ij,ij->i", n, kept["where"])
-        return NodeGaps(tuple(bodies), gap, kept["clearance"], n, near[body], kept["triangle"], friction, softness)
+        return NodeGaps(tuple(bodies), gap, kept["clearance"], n, near[body], kept["triangle"], friction, softness, kept["where"])
 
     def look(self, points: PointSet, bodies: Sequence[ContactBody], where: Array) -> NodeGaps:
-        record, kept, (posed, near) = self._record(points, bodies, where)
+        record, kept, near, posed = self._record(points, bodies, where)
         self._call(record)
-        self._where = kept["where"]
-        return self._told(kept, near, bodies)
+        gaps = self._told(kept, near, bodies)
+        self._seen = gaps, record, kept, near, posed
+        return gaps
 
     def _call(self, record) -> None:
         if kernels().touch(byref(record)) == records.NOT_FINITE:
             raise DermisError("a position or force is not finite", where="contact")
 
     def solve(self, points: PointSet, b: Array, gaps: NodeGaps, start: Array, tolerance: float, check: float, shift: Array | float = 0.0):
-        record, kept, (posed, near) = self._record(points, gaps.bodies, self._where)
+        seen, record, kept, near, posed = self._seen
+        if seen is not gaps:
+            record, kept, near, posed = self._record(points, gaps.bodies, gaps.where)
+            self._call(record)
+        self._seen = None, record, kept, near, posed
         n = len(points)
-        back = np.full(len(gaps.bodies) + 1, -1)
-        back[near[:-1]] = np.arange(len(near) - 1)
-        kept["body"][:], kept["triangle"][:] = back[gaps.body], gaps.triangle
-        kept["clearance"][:], kept["normal"][:], kept["force"][:] = gaps.clearance, gaps.normal, start
+        kept = dict(kept)
         kept["drag"][:] = b - np.where(gaps.body >= 0, gaps.clearance, 0.0)[:, None] * gaps.normal
-        kept["shift"][:] = shift
+        kept["shift"][:], kept["force"][:] = shift, start
+        # the gaps that were told stay as they are
+        for name in ("where", "clearance", "normal", "body", "triangle"):
+            kept[name] = kept[name].copy()
+            setattr(record, name, address(kept[name]))
         matrix = points.matrix.matrix
         kept["image"], kept["moved"], kept["status"] = np.empty((n, 3)), np.empty((n, 3)), np.zeros(n, dtype=np.int8)
         record.image, record.moved, record.status = (address(kept[k]) for k in ("image", "moved", "status"))
-        record.single, record.stride = int(matrix.dtype == np.float32), matrix.strides[0] // matrix.itemsize
+        record.stride = matrix.strides[0] // matrix.itemsize
         record.compliance, record.tolerance, record.most = address(matrix), tolerance, MOST_SWEEPS
+        record.avx2, record.looked = kernels().avx2, 1
         self._call(record)
-        self.last = record
         new = self._told(kept, near, gaps.bodies)
         w = kept["moved"]
         solution = Solution(kept["force"], w, new.normal, new.friction, kept["status"], record.sweeps, record.residual, check * tolerance, "sweeps")

@@ -196,7 +196,7 @@ typedef struct {
     int64_t looks;           /* out: looks beside the first */
     int64_t width;           /* bytes of a point in the workspace */
     void *room;              /* workspace (count, width) */
-    double trace[48];        /* out */
+    double *work;            /* workspace (3 DERMIS_KEPT + 4, count, 3) */
 } dermis_touch;
 
 /* The cells of a pad at rest, the bodies near it, and the search for cells that may touch; see `survey.c`.
@@ -286,26 +286,6 @@ typedef struct {
     int64_t single;                       /* 1: the results are floats; 0: doubles */
     void *out;                            /* displacement for E = 1 (field, 3, source, 3) [1/m] */
 } dermis_pieces;
-
-/* Contact points, each of which covers one cell of a pad, on the grid of the finest squares; see `points.c`. */
-typedef struct {
-    int64_t known;            /* number of cells of the pad */
-    int64_t side;             /* number of finest squares along a side of a root */
-    const int64_t *root;      /* root that contains each cell (known) */
-    const int64_t *halved;    /* number of halvings of each side (known, 2) */
-    const int64_t *place;     /* position in the root, in cells of the same size (known, 2) */
-    const int64_t *around;    /* 3 x 3 neighbourhood of each root; the number of roots stands for none (roots, 3, 3) */
-    int64_t before;           /* number of former points */
-    const int64_t *old_cells; /* cells of the former points (before) */
-    int64_t count;            /* number of new points */
-    const int64_t *cells;     /* cells of the new points (count) */
-    int64_t *owner;           /* in and out: point that covers each finest square, -1 for none; the last root stands for
-                                 all places beside the pad (roots + 1, side^2) */
-    int64_t *in_root;         /* in and out: last point in each root, -1 for none (roots) */
-    int64_t *number;          /* in and out: point on each cell, -1 for none (known) */
-    int64_t *beside;          /* out: each new point's neighbours before and behind along the finger, then before and
-                                 behind around it, -1 for none (count, 4) */
-} dermis_points;
 
 /* A touched skin that is drawn, see `drawn.c`. The nodes are those of the tissue's mesh on its surface. */
 typedef struct {
@@ -530,9 +510,6 @@ DERMIS_API int32_t dermis_rest_solve(dermis_rest *rest);
 
 /* Compute the displacement of pieces of skin for unit forces on other pieces. */
 DERMIS_API int32_t dermis_press_pieces(dermis_pieces *pieces);
-
-/* Replace the former contact points by the new ones, and find the neighbours of each. */
-DERMIS_API int32_t dermis_number_points(dermis_points *points);
 
 /* Compute the drawing of a touched skin. */
 DERMIS_API int32_t dermis_draw_skin(dermis_drawn *drawn);

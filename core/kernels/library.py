@@ -58,7 +58,7 @@ class Kernels:
             self.distances, self.gaps = library.dermis_distances, library.dermis_node_gaps
             self.sweep, self.sum = library.dermis_sweep, library.dermis_sum
             self.touch = library.dermis_touch_points
-            self.find_cells, self.number_points = library.dermis_find_cells, library.dermis_number_points
+            self.find_cells = library.dermis_find_cells
             self.law, self.rest = library.dermis_evaluate_law, library.dermis_rest_solve
             self.press_pieces, self.draw_skin = library.dermis_press_pieces, library.dermis_draw_skin
             self.expect, self.offset = library.dermis_expect, library.dermis_offset

@@ -115,11 +115,6 @@ class PiecesRecord(ctypes.Structure):
 
 
 @_declared
-class PointsRecord(ctypes.Structure):
-    """`dermis_points`."""
-
-
-@_declared
 class DrawnRecord(ctypes.Structure):
     """`dermis_drawn`."""
 

@@ -3,6 +3,7 @@
    The forces are a fixed point f = P(f - w / r) with Alart and Curnier's projection P. A sweep improves one node after
    the other (Gauss-Seidel); sweeps come in pairs, the second in reverse order. Anderson's method accelerates them
    (Walker and Ni, SIAM J. Numer. Anal. 49, 2011). */
+#include "anderson.h"
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
@@ -10,15 +11,6 @@
 /* If the forces hardly change any more but the residual is still too large, the limit of their change is multiplied by
    this factor. */
 #define STILLER 0.25
-/* This share of the trace is added to the diagonal of the least-squares matrix for Anderson's weights. Otherwise the
-   matrix is nearly singular if two pairs of sweeps changed the forces in nearly the same way. */
-#define APART 1e-10
-/* With much friction, acceleration may go round in circles. After more than PATIENCE pairs of sweeps without a smaller
-   change than before, ALONE pairs are done without acceleration. */
-#define PATIENCE 20
-#define ALONE 100
-/* If the squared change of the forces grew by more than this factor, the earlier pairs of sweeps are discarded. */
-#define ASTRAY 4.0
 /* A force counts as on the surface of its cone above this share of the friction limit. */
 #define ON_CONE (1.0 - 1e-9)
 
@@ -159,88 +151,6 @@ static int known(dermis_contact *contact) {
     return 1;
 }
 
-/* History of the last pairs of sweeps. */
-typedef struct {
-    int64_t size;    /* 3 count */
-    int kept;        /* number of earlier pairs in the store */
-    double *store;   /* for each pair: the force and the image after it, and the change of the force in it
-                        (DERMIS_KEPT + 1, 3, size) */
-    double last;     /* square of the last change */
-} past;
-
-/* Return a vector of pair number `which`: its force for `what` = 0, its image for 1, its change for 2. */
-static double *told(const past *known, int which, int what) { return known->store + (3 * (int64_t)which + what) * known->size; }
-
-/* Find the weights for which now - sum_a weight_a (now - change_a) is smallest: least squares by Cholesky
-   factorisation.
-
-   now: change of the last pair. right: out, the weights of the earlier pairs (kept). */
-static void weigh(const past *known, const double *now, double *right) {
-    double matrix[DERMIS_KEPT][DERMIS_KEPT], trace = 0.0;
-    int m = known->kept;
-    for (int a = 0; a < m; a++) {
-        const double *ra = told(known, a, 2);
-        right[a] = 0.0;
-        for (int64_t k = 0; k < known->size; k++) right[a] += (now[k] - ra[k]) * now[k];
-        for (int b = 0; b <= a; b++) {
-            const double *rb = told(known, b, 2);
-            matrix[a][b] = 0.0;
-            for (int64_t k = 0; k < known->size; k++) matrix[a][b] += (now[k] - ra[k]) * (now[k] - rb[k]);
-        }
-        trace += matrix[a][a];
-    }
-    for (int a = 0; a < m; a++) {
-        matrix[a][a] += APART * trace + DBL_MIN;
-        for (int b = 0; b <= a; b++) {
-            for (int k = 0; k < b; k++) matrix[a][b] -= matrix[a][k] * matrix[b][k];
-            matrix[a][b] = a == b ? dermis_root(dermis_most(matrix[a][b], DBL_MIN)) : matrix[a][b] / matrix[b][b];
-        }
-        for (int k = 0; k < a; k++) right[a] -= matrix[a][k] * right[k];
-        right[a] /= matrix[a][a];
-    }
-    for (int a = m - 1; a >= 0; a--) {
-        for (int k = a + 1; k < m; k++) right[a] -= matrix[k][a] * right[k];
-        right[a] /= matrix[a][a];
-    }
-}
-
-/* Anderson's acceleration: combine the last pairs of sweeps such that their changes cancel best.
-
-   before: forces before the last pair. */
-static void accelerate(dermis_contact *contact, past *known, const double *before) {
-    int64_t size = known->size;
-    double *force = contact->force, *image = contact->image, square = 0.0;
-    int m = known->kept;
-    double *now[3] = {told(known, m, 0), told(known, m, 1), told(known, m, 2)};
-    for (int64_t k = 0; k < size; k++) {
-        now[0][k] = force[k], now[1][k] = image[k], now[2][k] = force[k] - before[k];
-        square += now[2][k] * now[2][k];
-    }
-    if (m > 0 && square > ASTRAY * known->last) { /* keep only the last pair as history */
-        for (int what = 0; what < 3; what++)
-            for (int64_t k = 0; k < size; k++) told(known, 0, what)[k] = now[what][k];
-        known->kept = 1, known->last = square;
-        return;
-    }
-    known->last = square;
-    double right[DERMIS_KEPT];
-    weigh(known, now[2], right);
-    for (int a = 0; a < m; a++) {
-        const double *fa = told(known, a, 0), *ua = told(known, a, 1);
-        for (int64_t k = 0; k < size; k++) {
-            force[k] -= right[a] * (now[0][k] - fa[k]);
-            image[k] -= right[a] * (now[1][k] - ua[k]);
-        }
-    }
-    if (m < DERMIS_KEPT) {
-        known->kept++;
-        return;
-    }
-    for (int a = 0; a < m; a++)
-        for (int what = 0; what < 3; what++)
-            for (int64_t k = 0; k < size; k++) told(known, a, what)[k] = told(known, a + 1, what)[k];
-}
-
 /* Sweep all nodes of a contact until the residual is within the tolerance.
 
    work: workspace (3 DERMIS_KEPT + 4, count, 3). */
@@ -273,7 +183,7 @@ static void sweep_all(dermis_contact *contact, const rows_of *c, double *work) {
             if (alone > 0)
                 alone--, last.kept = 0;
             else
-                accelerate(contact, &last, before);
+                accelerate(contact->force, contact->image, &last, before);
             continue;
         }
         move_anew(contact, c);

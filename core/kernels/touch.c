@@ -5,6 +5,7 @@
    the surface has a kink, the lifted places are outside the body, where distances are smooth. The mean over five places
    about the point limits how fast the gap turns from cell to cell; how the gradient differs between the places tells
    how the normal turns, so that a point looks again only after it has moved. */
+#include "anderson.h"
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
@@ -14,12 +15,12 @@
 /* SHARE: of a point's way that its normal follows in a visit; with all of it, normals turn back and forth.
    TRUST: way since the last look after which a point looks again within the sweeps [m].
    STILL, FLAT: way after which it looks again between the sweeps, where its normal turns and where it does not [m].
-   APART: gap above which a point without force is not visited [m]. */
+   CLEAR: gap above which a point without force is not visited [m]. */
 #define SHARE 0.5
 #define TRUST 0.05e-3
 #define STILL 2e-6
 #define FLAT 0.02e-3
-#define APART 0.05e-3
+#define CLEAR 0.05e-3
 #define FAR 0.2e-3
 #define ROUND 0.34 /* share of the lift below which one place is enough */
 
@@ -206,7 +207,7 @@ static double visit(dermis_touch *t, view *v, int64_t i, double trust) {
     if (!loaded) {
         if (t->body[i] < 0) return 0.0;
         relative(t, v, i, w);
-        if (dermis_dot(w, v->plane) > APART) return 0.0;
+        if (dermis_dot(w, v->plane) > CLEAR) return 0.0;
     }
     if (v->rough && t->body[i] >= 0) look(t, v, i, 1);
     if (t->body[i] >= 0 && trust > 0.0) follow(t, v, i, trust);
@@ -282,7 +283,7 @@ static int look_again(dermis_touch *t, view *views) {
         int loaded = force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0;
         if (!loaded) {
             relative(t, v, i, w);
-            if (dermis_dot(w, v->plane) > APART) continue;
+            if (dermis_dot(w, v->plane) > CLEAR) continue;
         }
         way_of(t, i, way);
         double still = v->flat ? FLAT : STILL;
@@ -301,6 +302,7 @@ static int finite(const double *values, int64_t count) {
 
 static void solve(dermis_touch *t, view *views) {
     int64_t n = t->count;
+    double *before = t->work + 3 * (DERMIS_KEPT + 1) * 3 * n;
     for (int64_t k = 0; k < 3 * n; k++) t->image[k] = 0.0;
     for (int64_t i = 0; i < n; i++)
         if (t->force[3 * i] != 0.0 || t->force[3 * i + 1] != 0.0 || t->force[3 * i + 2] != 0.0) move_all(t, i, t->force + 3 * i);
@@ -308,23 +310,27 @@ static void solve(dermis_touch *t, view *views) {
         double goal = round < 2 ? 3e-3 : round == 2 ? 1e-3 : t->tolerance, trust = round == 0 ? 0.0 : round < 3 ? TRUST : STILL;
         if (round > 0) look_again(t, views);
         assess(t, views);
-        t->trace[4 * round] = (double)t->sweeps, t->trace[4 * round + 1] = (double)t->looks, t->trace[4 * round + 2] = t->residual, t->trace[4 * round + 3] = 1.0;
-        double still = goal;
+        double still = goal, nearest = __builtin_inf();
+        past last = {3 * n, 0, t->work, 0.0};
+        int waited = 0, alone = 0;
         while (t->sweeps < t->most && t->residual > goal) {
             double change = 0.0, size = 0.0;
+            for (int64_t k = 0; k < 3 * n; k++) before[k] = t->force[k];
             for (int64_t i = 0; i < n; i++) visit(t, views + i, i, trust);
-            t->trace[41] = 0;
-            for (int64_t i = n - 1; i >= 0; i--) {
-                double c = visit(t, views + i, i, trust), w_[3];
-                change += c;
-                if (c > t->trace[41]) {
-                    way_of(t, i, w_);
-                    t->trace[40] = (double)i, t->trace[41] = c, t->trace[42] = dermis_root(dermis_dot(views[i].at, views[i].at)), t->trace[43] = dermis_root(dermis_dot(w_, w_)), t->trace[44] = (double)t->looks, t->trace[45] = dermis_root(dermis_dot(t->force + 3 * i, t->force + 3 * i)), t->trace[46] = views[i].gap, t->trace[47] = (double)views[i].flat;
-                }
-            }
+            for (int64_t i = n - 1; i >= 0; i--) change += visit(t, views + i, i, trust);
             t->sweeps += 2;
             for (int64_t k = 0; k < 3 * n; k++) size += t->force[k] * t->force[k];
-            if (change > still * still * size) continue;
+            if (change > still * still * size) {
+                if (trust == TRUST) continue; /* normals turn: no acceleration */
+                waited = change < nearest ? 0 : waited + 1;
+                nearest = dermis_least(nearest, change);
+                if (waited > PATIENCE) alone = ALONE, waited = 0;
+                if (alone > 0)
+                    alone--, last.kept = 0;
+                else
+                    accelerate(t->force, t->image, &last, before);
+                continue;
+            }
             assess(t, views);
             still *= 0.25;
         }
@@ -342,7 +348,6 @@ DERMIS_NOINLINE static int32_t touch(dermis_touch *t) {
     if (!dermis_known_posed(t->posed, t->bodies) || !finite(t->points, 3 * n) || !finite(t->where, 3 * n) || !finite(t->force, 3 * n)) return DERMIS_NOT_FINITE;
     if (!finite(t->drag, 3 * n) || !finite(t->shift, 3 * n)) return DERMIS_NOT_FINITE;
     t->sweeps = t->looks = 0;
-    for (int k = 0; k < 48; k++) t->trace[k] = 0.0;
     for (int64_t i = 0; i < n && !t->looked; i++) look(t, views + i, i, 0);
     if (t->compliance != NULL) solve(t, views);
     return DERMIS_DONE;

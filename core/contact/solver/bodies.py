@@ -106,6 +106,7 @@ class NodeGaps:
         triangle: closest triangle of that body, shape (m,).
         friction: friction coefficient at each node, shape (m,).
         softness: softness of the closest body [m/Pa], shape (m,).
+        where: displacement of the points at which a gap that follows them was measured [m], shape (m, 3); else None.
     """
 
     bodies: tuple[ContactBody, ...]

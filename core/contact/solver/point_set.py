@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from ctypes import byref
 from typing import Any
 
 import numpy as np
 
 from ...arrays import Array, Indices
-from ...kernels import records
-from ...kernels.library import kernels
-from ...kernels.records import address
 from ...skin.surface_compliance import SurfaceCompliance
 from .point_matrix import PointMatrix
 
@@ -25,31 +21,17 @@ class PointSet:
 
     Attributes:
         matrix: compliance between the points.
-        owner: index of the point whose cell covers each finest square of each root, shape (roots + 1, squares); `NONE`
-            without.
-        in_root: index of the last point in each root, shape (roots,); `NONE` without.
         number: index of the point at the centre of each cell of the pad, shape (cells,); `NONE` if the cell is no
             point.
         positions: positions of the points [m], shape (n, 3).
         normals: unit normals of the skin at the points, shape (n, 3).
         areas: areas of the points' cells [m^2], shape (n,).
         sides: side vectors of the points' cells [m], shape (n, 2, 3).
-        beside: indices of each point's neighbours before and behind along the finger, then around it, shape (n, 4);
-            `NONE` without.
     """
 
     def __init__(self, pad: SurfaceCompliance) -> None:
         self.pad, self.matrix = pad, PointMatrix(pad)
-        chart, tiles = pad.chart, pad.chart.tiles
-        side, roots = 1 << (tiles.levels - 1), chart.starts[1]
-        self.owner = np.full((roots + 1, side * side), NONE)  # the last root stands for places beside the pad
-        self.in_root, self.number = np.full(roots, NONE), np.full(len(chart.places), NONE)
-        around = np.ascontiguousarray(chart.beside, dtype=np.int64)
-        self._record = records.PointsRecord(known=len(chart.places), side=side)
-        own = {"owner": self.owner, "in_root": self.in_root, "number": self.number, "around": around}
-        self._kept = {"root": tiles.root, "halved": tiles.halved, "place": tiles.place, **own}
-        for name, array in self._kept.items():
-            setattr(self._record, name, address(array))
+        self.number = np.full(len(pad.chart.places), NONE)
         self._renumber(self.cells)
 
     def __len__(self) -> int:
@@ -86,11 +68,9 @@ class PointSet:
 
     def _renumber(self, before: Indices) -> None:
         """Compute the data of the points; `before` are the former cells."""
-        cells, own, record = self.cells, self.pad.cells, self._record
-        self.beside = np.empty((len(cells), 4), dtype=np.int64)
-        record.before, record.old_cells = len(before), address(before)
-        record.count, record.cells, record.beside = len(cells), address(cells), address(self.beside)
-        kernels().number_points(byref(record))
+        cells, own = self.cells, self.pad.cells
+        self.number[before] = NONE
+        self.number[cells] = np.arange(len(cells))
         self.positions, self.normals = own.positions.take(cells, axis=0), own.normals.take(cells, axis=0)
         self.areas: Array = own.areas.take(cells)
         self.sides = own.sides.take(cells, axis=0)

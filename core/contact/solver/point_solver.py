@@ -21,21 +21,19 @@ from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
 from ...surface.plane import Plane
 from .between import matter_moved
-from .bodies import ContactBody, NodeGaps, node_gaps, owned, paired, same_places, travel
-from .bodies import moved as body_moved
+from .bodies import ContactBody, NodeGaps, node_gaps, paired, same_places, travel
 from .compliance import Linear, own_compliance
 from .history import ContactHistory
 from .law_skin import LawSkin
-from .path_solver import BONE, DEPTH_LIMIT, TOLERANCE, PathSolver, PathStep
+from .path_solver import BONE, CHECK, DEPTH_LIMIT, TOLERANCE, PathSolver
+from .path_step import PathStep, SolvedFrame
 from .point_gaps import passed_on
 from .point_reach import PointReach
 from .point_set import PointSet
 from .point_tree import FINEST, MANY, PointTree
 from .posed_records import in_reach
-from .path_solver import CHECK
-from .path_step import SolvedFrame
+from .smooth_contact import SmoothContact
 from .succession import Succession, succession
-from .touching import Touching
 
 # Largest distance at which a body is found from the skin [m].
 REACH = 2.5e-3
@@ -77,7 +75,7 @@ class PointSolver(PathSolver):
         self.search_radius = REACH
         self._tree = PointTree(surface)
         self._points = PointSet(surface)
-        self._touching = Touching(REACH, self.bone)
+        self._contact = SmoothContact(REACH, self.bone)
         self.operator = Linear(np.zeros((0, 0)))
         self.history = ContactHistory(0)
         self._asked: tuple[ContactBody, ...] | None = None
@@ -209,33 +207,23 @@ class PointSolver(PathSolver):
         if self.fresh and not len(self.cells):
             return NodeGaps.nothing(bodies, 0)
         expected = self._expected(bodies)
-        gaps = self._touching.look(self._points, bodies, expected.places - self.points)
+        gaps = self._contact.look(self._points, bodies, expected.places - self.points)
         self._calm = None if asks else gaps
         return gaps
 
     def iterated(self, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
         """Solve a frame on linear skin from forces to start from [N], shape (m, 3)."""
         shift = 0.0 if self.law is None else -self.beyond()
-        return self._touching.solve(self._points, b, gaps, start, self.tolerance, CHECK, shift)
+        return self._contact.solve(self._points, b, gaps, start, shift, self.tolerance, CHECK * self.tolerance)
 
     # -- the points ----------------------------------------------------------------------------------------------
 
     def _asks(self, bodies: Sequence[ContactBody]) -> bool:
-        """Return whether a new survey of the points is due.
-
-        It is due at first. Later, it is due if a body near the pad has appeared, disappeared or changed its surface, or has
-        moved, since the last survey.
-        """
-        if self._asked is None:
-            return True
-        for a, b in paired(self._asked, bodies):
-            if a is b or a.same_place(b) or not any(in_reach(body, self._corners, REACH) for body in (a, b)):
-                continue
-            if a.away or b.away or a.surface is not b.surface:
-                return True
-            if travel(a, b, self._corners) > 0.0:
-                return True
-        return False
+        """Return whether a new survey of the points is due: at first, and whenever a body near the pad has changed."""
+        return self._asked is None or any(
+            not a.same_place(b) and any(in_reach(body, self._corners, REACH) for body in (a, b))
+            for a, b in paired(self._asked, bodies)
+        )
 
     def _survey(self, bodies: tuple[ContactBody, ...]) -> None:
         """Find the cells that may touch, and make them the points.

@@ -115,7 +115,8 @@ class PointTree:
         out, clearance = np.empty((3, room), dtype=np.int64), np.empty(room)
         record = self._record
         record.bodies, record.posed, record.limit, record.finest = len(near), addressof(posed), reach, self._most
-        record.room, record.leaves, record.clearance, record.most = address(out), address(out[2]), address(clearance), room
+        record.room, record.leaves, record.clearance = address(out), address(out[2]), address(clearance)
+        record.most = room
         if kernels().find_cells(byref(record)) == records.NOT_FINITE:
             raise _NOT_FINITE.changed()
         self.finest = record.finest

@@ -26,6 +26,16 @@ typedef struct {
     double normal[5][3];    /* normals at the centre and at the test points, 0 if no body is near */
 } footprint;
 
+/* Move a point x into the finger until it is not deep in a body: there, the closest face may be a wall that no skin
+   meets. */
+static void raise(const dermis_survey *s, double *x, const double *inward, dermis_sight *sight) {
+    for (int tries = 0; tries < 6 && sight->body >= 0 && sight->gap < -s->deep; tries++) {
+        double steep = dermis_most(dermis_dot(inward, sight->normal), s->steep);
+        for (int k = 0; k < 3; k++) x[k] -= sight->gap / steep * inward[k];
+        dermis_look(s->posed, s->bodies, s->limit, s->limit, x, inward, sight);
+    }
+}
+
 /* Return the closest body at a cell's centre, which is first moved out of the body if it is deep in it.
 
    Deep in a body, the normals below any edge jump as if the edge were sharp. centre: closest body at the centre itself.
@@ -35,12 +45,8 @@ static dermis_sight look_down(const dermis_survey *s, int64_t cell, const dermis
     dermis_sight sight = *centre;
     for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k], at[k] = s->positions[3 * cell + k];
     out->own = out->middle = centre->gap;
-    if (centre->gap < -s->deep) {
-        double steep = dermis_most(dermis_dot(inward, centre->normal), s->steep);
-        for (int k = 0; k < 3; k++) at[k] -= centre->gap / steep * inward[k];
-        dermis_look(s->posed, s->bodies, s->limit, s->limit, at, inward, &sight);
-        out->middle = sight.gap;
-    }
+    raise(s, at, inward, &sight);
+    if (centre->gap < -s->deep) out->middle = sight.gap;
     for (int k = 0; k < 3; k++) out->normal[0][k] = sight.normal[k];
     return sight;
 }
@@ -67,7 +73,9 @@ static void look_about(const dermis_survey *s, int64_t cell, const double *at, c
         for (int k = 0; k < 3; k++) x[k] = at[k] + corners[3 * corner + k];
         dermis_look(s->posed, s->bodies, s->limit, s->limit, x, inward, &sight);
         out->gap[corner] = sight.gap;
-        for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = sight.normal[k];
+        dermis_sight above = sight;
+        raise(s, x, inward, &above);
+        for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = above.normal[k];
     }
 }
 

@@ -219,7 +219,7 @@ typedef struct {
     const double *sides;         /* side vectors (cells, 2, 3) [m] */
     const double *limits;        /* a cell may touch if its gap is below this (cells) [m] */
     const double *longs;         /* longer side (cells) [m] */
-    double turned, edge, bent, corners, beyond, beside, odd, deep, steep; /* see point_tree.py */
+    double turned, edge, bent, corners, beyond, beside, odd, above, deep, steep; /* see point_tree.py */
     int64_t coarsest, many;      /* see point_tree.py */
     int64_t thorough;            /* 1: test points are evaluated even if one flat face is all that is near; the
                                     resulting cells are the same */

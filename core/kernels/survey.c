@@ -17,37 +17,31 @@ static int64_t find(const dermis_survey *s, int64_t root, const int64_t *halved,
     return first + code;
 }
 
-/* Gaps and normals of the closest body at a cell's centre and at four test points.
-
-   If the centre is deep in a body, the centre and the test points are first moved out of it. */
+/* Heights over the bodies and their normals below a cell's centre and four test points, see `descend`. */
 typedef struct {
-    double own;             /* gap at the centre, not moved [m] */
-    double middle, gap[4];  /* gap at the centre and at the test points, moved out [m] */
+    double middle, gap[4];  /* heights at the centre and at the test points [m] */
     double normal[5][3];    /* normals at the centre and at the test points, 0 if no body is near */
 } footprint;
 
-/* Move a point x into the finger until it is not deep in a body: there, the closest face may be a wall that no skin
-   meets. */
-static void raise(const dermis_survey *s, double *x, const double *inward, dermis_sight *sight) {
-    for (int tries = 0; tries < 6 && sight->body >= 0 && sight->gap < -s->deep; tries++) {
-        double steep = dermis_most(dermis_dot(inward, sight->normal), s->steep);
-        for (int k = 0; k < 3; k++) x[k] -= sight->gap / steep * inward[k];
-        dermis_look(s->posed, s->bodies, s->limit, s->limit, x, inward, sight);
+/* Go from a height above a point of undeformed skin down to the first body, or to the point; return what is closest there.
+
+   Deformed skin meets the faces that it meets from above. Faces below, such as the far side of a card or a wall inside
+   a body, are not seen. x: in, the point; out, where the line ends [m]. height: out, minus the way from the point to the
+   body, or the gap of the point if it is outside; infinite if no body is within `limit` of the point [m]. */
+static dermis_sight descend(const dermis_survey *s, double *x, const double *inward, double limit, dermis_sight hint, double *height) {
+    double from[3] = {x[0], x[1], x[2]}, up = s->above;
+    dermis_sight sight = hint;
+    for (int tries = 0; tries < 10; tries++) {
+        for (int k = 0; k < 3; k++) x[k] = from[k] + up * inward[k];
+        dermis_look(s->posed, s->bodies, up + limit, s->limit, x, inward, &sight);
+        if (sight.body < 0) {
+            *height = __builtin_inf();
+            return sight;
+        }
+        if (up <= 0.0 || dermis_abs(sight.gap) <= s->deep) break;
+        up = dermis_most(up - sight.gap / dermis_most(dermis_dot(inward, sight.normal), s->steep), 0.0);
     }
-}
-
-/* Return the closest body at a cell's centre, which is first moved out of the body if it is deep in it.
-
-   Deep in a body, the normals below any edge jump as if the edge were sharp. centre: closest body at the centre itself.
-   at: out, the centre, moved if deep [m]. */
-static dermis_sight look_down(const dermis_survey *s, int64_t cell, const dermis_sight *centre, footprint *out, double *at) {
-    double inward[3];
-    dermis_sight sight = *centre;
-    for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k], at[k] = s->positions[3 * cell + k];
-    out->own = out->middle = centre->gap;
-    raise(s, at, inward, &sight);
-    if (centre->gap < -s->deep) out->middle = sight.gap;
-    for (int k = 0; k < 3; k++) out->normal[0][k] = sight.normal[k];
+    *height = up > 0.0 ? sight.gap - up : sight.gap;
     return sight;
 }
 
@@ -64,18 +58,15 @@ static void corners_of(const dermis_survey *s, int64_t cell, double share, doubl
     }
 }
 
-/* Find the closest body at four test points, given relative to `at` (4, 3) [m]. */
-static void look_about(const dermis_survey *s, int64_t cell, const double *at, const double *corners, dermis_sight sight, footprint *out) {
+/* Look down at four test points, given relative to the cell's centre (4, 3) [m]. */
+static void look_about(const dermis_survey *s, int64_t cell, const double *corners, dermis_sight hint, footprint *out) {
     double inward[3];
     for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
     for (int corner = 0; corner < 4; corner++) {
         double x[3];
-        for (int k = 0; k < 3; k++) x[k] = at[k] + corners[3 * corner + k];
-        dermis_look(s->posed, s->bodies, s->limit, s->limit, x, inward, &sight);
-        out->gap[corner] = sight.gap;
-        dermis_sight above = sight;
-        raise(s, x, inward, &above);
-        for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = above.normal[k];
+        for (int k = 0; k < 3; k++) x[k] = s->positions[3 * cell + k] + corners[3 * corner + k];
+        dermis_sight sight = descend(s, x, inward, s->limit, hint, &out->gap[corner]);
+        for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = sight.normal[k];
     }
 }
 
@@ -140,21 +131,20 @@ static int64_t leaning_of(const dermis_survey *s, int64_t cell, const footprint 
 
    The first four test points show whether the body is curved at the cell itself. The second four are farther out: they
    show edges beside the cell. */
-static int64_t way_of(const dermis_survey *s, int64_t cell, const dermis_sight *centre) {
+static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, const dermis_sight *middle, double height) {
     const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
-    footprint of;
-    double at[3], nearest, corners[24];
+    footprint of = {.middle = height};
+    double nearest = height, corners[24];
     if (halved[0] >= s->finest && halved[1] >= s->finest) return 0;
-    dermis_sight middle = look_down(s, cell, centre, &of, at);
     corners_of(s, cell, s->corners, 0.0, corners);
     corners_of(s, cell, 0.5, s->beyond, corners + 12);
-    if (!s->thorough && flat(s, at, corners, 8, &middle)) return 0;
-    look_about(s, cell, at, corners, *centre, &of);
-    nearest = of.own;
+    if (!s->thorough && flat(s, at, corners, 8, middle)) return 0;
+    for (int k = 0; k < 3; k++) of.normal[0][k] = middle->normal[k];
+    look_about(s, cell, corners, *middle, &of);
     for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of.gap[corner]);
     if (nearest >= s->limits[cell]) return 0;
     int64_t way = apart(&of) > s->turned || bent(&of) > s->bent ? leaning_of(s, cell, &of) : 0;
-    look_about(s, cell, at, corners + 12, *centre, &of);
+    look_about(s, cell, corners + 12, *middle, &of);
     if (apart(&of) > s->edge) way |= leaning_of(s, cell, &of);
     return some[way];
 }
@@ -179,17 +169,17 @@ static int walk(dermis_survey *s, int64_t many) {
         dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1};
         for (int64_t i = 0; i < count; i++) {
             int64_t cell = cells[i], way = 0;
-            double x[3], inward[3];
+            double x[3], inward[3], height;
             centre_of(s, cell, x, inward);
-            dermis_look(s->posed, s->bodies, near_of(s, cell), s->limit, x, inward, &sight);
+            sight = descend(s, x, inward, near_of(s, cell), sight, &height);
             if (sight.body < 0) continue;
             const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
-            if ((some[1] || some[2] || some[3]) && sight.gap < s->limits[cell] + s->beside * s->longs[cell])
-                way = way_of(s, cell, &sight);
+            if ((some[1] || some[2] || some[3]) && height < s->limits[cell] + s->beside * s->longs[cell])
+                way = way_of(s, cell, x, &sight, height);
             if (!way) {
-                if (sight.gap >= s->limits[cell]) continue;
+                if (height >= s->limits[cell]) continue;
                 if (s->found >= many) return 0;
-                s->clearance[s->found] = sight.gap, s->leaves[s->found++] = cell;
+                s->clearance[s->found] = height, s->leaves[s->found++] = cell;
                 continue;
             }
             if (after + 4 > s->most) return 0;

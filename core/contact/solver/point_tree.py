@@ -36,12 +36,10 @@ FINEST, MANY, COARSEST, MOST = 2, 1000, 1, 1000
 # The lean along a side is the range of the normals' components along it; a larger lean means a surface that turns more.
 # A side is not halved if the lean along it is below ODD times the lean along the other side.
 ODD = 0.4
-# DEEP: depth of a cell's centre in a body [m] above which the cell's test points are moved out of the body. The
-# cell itself stays.
-# They move along the cell's inward normal, by the depth divided by the cosine of the angle between this normal and the
-# body's normal.
-# STEEP: least value used for this cosine, so test points move by at most depth / STEEP.
-DEEP, STEEP = 0.06e-3, 0.3
+# Bodies are looked for from ABOVE the skin at rest, inside the finger, down to the skin: deformed skin meets the faces
+# that it meets from there [m]. The search ends DEEP from a face [m]. STEEP: least cosine between the way and a face's
+# normal that is used for a step.
+ABOVE, DEEP, STEEP = 3e-3, 0.02e-3, 0.3
 CORNERS = 0.75  # distance of the test points from the cell's centre, as a share of each side; 0.5 is the cell's corner
 # An edge of a body beside the cell splits the cell as well, so cells are fine wherever skin slides onto the edge.
 # BEYOND: distance from the cell within which such an edge counts [m].
@@ -88,7 +86,8 @@ class PointTree:
         for name, array in self._kept.items():
             setattr(record, name, address(array))
         record.turned, record.bent, record.corners, record.beside = TURNED, BENT, CORNERS, BESIDE
-        record.edge, record.beyond, record.odd, record.deep, record.steep = EDGE, BEYOND, ODD, DEEP, STEEP
+        record.edge, record.beyond, record.odd = EDGE, BEYOND, ODD
+        record.above, record.deep, record.steep = ABOVE, DEEP, STEEP
         record.coarsest, record.many = COARSEST, MANY
         return record
 

@@ -7,7 +7,7 @@
 
 #define TINY 1e-300
 /* Two adjacent bodies form one smooth surface if the cosine between their normals is above this. */
-#define LEVEL 0.999
+#define LEVEL 0.7
 /* FORESEEN: largest factor by which slip and drag are extrapolated in proportion to the movement of the material below.
    OWN: movement of the skin is not extrapolated if the material below moves by less than this share of it.
    SHORT: slip shorter than this multiple of the slip length is treated as if it had this length. */

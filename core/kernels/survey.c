@@ -26,8 +26,8 @@ typedef struct {
 /* Go from a height above a point of undeformed skin down to the first body, or to the point; return what is closest there.
 
    Deformed skin meets the faces that it meets from above. Faces below, such as the far side of a card or a wall inside
-   a body, are not seen. x: in, the point; out, where the line ends [m]. height: out, minus the way from the point to the
-   body, or the gap of the point if it is outside; infinite if no body is within `limit` of the point [m]. */
+   a body, are not seen. x: in, the point; out, where the line ends [m]. height: out, gap of the point from the face that the
+   line meets; infinite if no body is within `limit` of the point [m]. */
 static dermis_sight descend(const dermis_survey *s, double *x, const double *inward, double limit, dermis_sight hint, double *height) {
     double from[3] = {x[0], x[1], x[2]}, up = s->above;
     dermis_sight sight = hint;
@@ -41,7 +41,7 @@ static dermis_sight descend(const dermis_survey *s, double *x, const double *inw
         if (up <= 0.0 || dermis_abs(sight.gap) <= s->deep) break;
         up = dermis_most(up - sight.gap / dermis_most(dermis_dot(inward, sight.normal), s->steep), 0.0);
     }
-    *height = up > 0.0 ? sight.gap - up : sight.gap;
+    *height = sight.gap - up * dermis_most(dermis_dot(inward, sight.normal), s->steep);
     return sight;
 }
 
@@ -72,12 +72,12 @@ static void look_about(const dermis_survey *s, int64_t cell, const double *corne
 
 /* Whether the flat face that is closest to the centre is also closest to all `count` test points: nothing else is
    near. */
-static int flat(const dermis_survey *s, const double *at, const double *corners, int count, const dermis_sight *sight) {
-    double radius = 0.0;
+static int flat(const dermis_survey *s, int64_t cell, const double *at, const double *corners, int count, const dermis_sight *sight) {
+    double radius = 0.0, steep = dermis_most(-dermis_dot(s->normals + 3 * cell, sight->normal), s->steep);
     for (int corner = 0; corner < count; corner++) {
         const double *way = corners + 3 * corner;
         double above = sight->gap + dermis_dot(way, sight->normal);
-        radius = dermis_most(radius, dermis_root(dermis_dot(way, way)) + dermis_abs(above));
+        radius = dermis_most(radius, dermis_root(dermis_dot(way, way)) + dermis_abs(above) / steep);
     }
     return dermis_sees_plane(s->posed, s->bodies, at, radius, sight);
 }
@@ -138,7 +138,7 @@ static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, co
     if (halved[0] >= s->finest && halved[1] >= s->finest) return 0;
     corners_of(s, cell, s->corners, 0.0, corners);
     corners_of(s, cell, 0.5, s->beyond, corners + 12);
-    if (!s->thorough && flat(s, at, corners, 8, middle)) return 0;
+    if (!s->thorough && flat(s, cell, at, corners, 8, middle)) return 0;
     for (int k = 0; k < 3; k++) of.normal[0][k] = middle->normal[k];
     look_about(s, cell, corners, *middle, &of);
     for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of.gap[corner]);

@@ -18,7 +18,7 @@
    CLEAR: gap above which a point without force is not visited [m]. */
 #define SHARE 0.5
 #define TRUST 0.05e-3
-#define STILL 2e-6
+#define STILL 3e-7
 #define FLAT 0.02e-3
 #define CLEAR 0.05e-3
 #define FAR 0.2e-3

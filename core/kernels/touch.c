@@ -21,6 +21,7 @@
 #define STILL 3e-7
 #define FLAT 0.02e-3
 #define CLEAR 0.05e-3
+#define LONG 200 /* sweeps of a round after which planes are kept: points between two edges may look at either in turn */
 #define FAR 0.2e-3
 #define ROUND 0.34 /* share of the lift below which one place is enough */
 
@@ -312,13 +313,14 @@ static void solve(dermis_touch *t, view *views) {
         assess(t, views);
         double still = goal, nearest = __builtin_inf();
         past last = {3 * n, 0, t->work, 0.0};
-        int waited = 0, alone = 0;
+        int waited = 0, alone = 0, in_round = 0;
         while (t->sweeps < t->most && t->residual > goal) {
             double change = 0.0, size = 0.0;
             for (int64_t k = 0; k < 3 * n; k++) before[k] = t->force[k];
             for (int64_t i = 0; i < n; i++) visit(t, views + i, i, trust);
             for (int64_t i = n - 1; i >= 0; i--) change += visit(t, views + i, i, trust);
-            t->sweeps += 2;
+            t->sweeps += 2, in_round += 2;
+            if (in_round > LONG) trust = 0.0;
             for (int64_t k = 0; k < 3 * n; k++) size += t->force[k] * t->force[k];
             if (change > still * still * size) {
                 if (trust == TRUST) continue; /* normals turn: no acceleration */

@@ -23,13 +23,13 @@ typedef struct {
     double normal[5][3];    /* normals at the centre and at the test points, 0 if no body is near */
 } footprint;
 
-/* Go from a height above a point of undeformed skin down to the first body, or to the point; return what is closest there.
+/* Go from a height `up` above a point of undeformed skin [m] down to the first body, or to the point; return what is closest there.
 
    Deformed skin meets the faces that it meets from above. Faces below, such as the far side of a card or a wall inside
    a body, are not seen. x: in, the point; out, where the line ends [m]. height: out, gap of the point from the face that the
    line meets; infinite if no body is within `limit` of the point [m]. */
-static dermis_sight descend(const dermis_survey *s, double *x, const double *inward, double limit, dermis_sight hint, double *height) {
-    double from[3] = {x[0], x[1], x[2]}, up = s->above;
+static dermis_sight descend(const dermis_survey *s, double *x, const double *inward, double up, double limit, dermis_sight hint, double *height) {
+    double from[3] = {x[0], x[1], x[2]};
     dermis_sight sight = hint;
     for (int tries = 0; tries < 10; tries++) {
         for (int k = 0; k < 3; k++) x[k] = from[k] + up * inward[k];
@@ -62,10 +62,13 @@ static void corners_of(const dermis_survey *s, int64_t cell, double share, doubl
 static void look_about(const dermis_survey *s, int64_t cell, const double *corners, dermis_sight hint, footprint *out) {
     double inward[3];
     for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
+    double steep = dermis_most(dermis_dot(inward, hint.normal), s->steep);
     for (int corner = 0; corner < 4; corner++) {
         double x[3];
         for (int k = 0; k < 3; k++) x[k] = s->positions[3 * cell + k] + corners[3 * corner + k];
-        dermis_sight sight = descend(s, x, inward, s->limit, hint, &out->gap[corner]);
+        /* the face below the centre is met here, unless it turns */
+        double up = dermis_most((-out->middle - dermis_dot(corners + 3 * corner, hint.normal)) / steep, 0.0);
+        dermis_sight sight = descend(s, x, inward, dermis_least(up, s->above), s->limit, hint, &out->gap[corner]);
         for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = sight.normal[k];
     }
 }
@@ -144,6 +147,7 @@ static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, co
     for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of.gap[corner]);
     if (nearest >= s->limits[cell]) return 0;
     int64_t way = apart(&of) > s->turned || bent(&of) > s->bent ? leaning_of(s, cell, &of) : 0;
+    if (middle->body >= 0 && s->bodies == 1 && s->posed[0].sharpness < 0.34) return some[way]; /* it has no edges */
     look_about(s, cell, corners + 12, *middle, &of);
     if (apart(&of) > s->edge) way |= leaning_of(s, cell, &of);
     return some[way];
@@ -171,7 +175,7 @@ static int walk(dermis_survey *s, int64_t many) {
             int64_t cell = cells[i], way = 0;
             double x[3], inward[3], height;
             centre_of(s, cell, x, inward);
-            sight = descend(s, x, inward, near_of(s, cell), sight, &height);
+            sight = descend(s, x, inward, s->above, near_of(s, cell), sight, &height);
             if (sight.body < 0) continue;
             const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
             if ((some[1] || some[2] || some[3]) && height < s->limits[cell] + s->beside * s->longs[cell])

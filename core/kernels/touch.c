@@ -33,6 +33,7 @@ typedef struct {
     double at[3];                             /* z */
     double plane[3], gap;                     /* unit normal at z, and the gap there */
     int64_t flat;                             /* 1: the normal does not turn */
+    double own[9];                            /* compliance of the point to its own force */
     int64_t rough;                            /* 1: the point is far, and looked but once */
 } view;
 
@@ -133,10 +134,6 @@ static void turn(const dermis_touch *t, view *v, int64_t i) {
     v->gap = (gap + 0.5 * bend) / length;
 }
 
-static double entry(const dermis_touch *t, int64_t row, int64_t column) {
-    return (double)((const float *)t->compliance)[row * t->stride + column];
-}
-
 /* Add three rows, each multiplied by a component of the force f, to an image.
 
    The sums and their order are the same in registers of any width. */
@@ -220,8 +217,8 @@ static double visit(dermis_touch *t, view *v, int64_t i, double trust) {
         if (!loaded && gap >= 0.0) return 0.0;
         for (int r = 0; r < 3; r++) {
             cn[r] = soft * n[r];
-            for (int c = 0; c < 3; c++) cn[r] += entry(t, 3 * i + r, 3 * i + c) * n[c];
-            own += entry(t, 3 * i + r, 3 * i + r) + soft, normal += n[r] * cn[r];
+            for (int c = 0; c < 3; c++) cn[r] += v->own[3 * r + c] * n[c];
+            own += v->own[4 * r] + soft, normal += n[r] * cn[r];
         }
         if (mu == 0.0) /* first turn the force, with what that does to the gap */
             for (int k = 0; k < 3; k++) gap += cn[k] * (along * n[k] - force[k]);
@@ -256,7 +253,7 @@ static void assess(dermis_touch *t, view *views) {
             continue;
         }
         relative(t, views + i, i, w);
-        for (int k = 0; k < 3; k++) own += entry(t, 3 * i + k, 3 * i + k);
+        for (int k = 0; k < 3; k++) own += views[i].own[4 * k];
         for (int k = 0; k < 3; k++) v[k] = force[k] - 3.0 * w[k] / own;
         double along = dermis_dot(v, n), press = dermis_most(along, 0.0), most = rub_of(t, i) * press, length;
         for (int k = 0; k < 3; k++) side[k] = v[k] - along * n[k];
@@ -305,6 +302,8 @@ static void solve(dermis_touch *t, view *views) {
     int64_t n = t->count;
     double *before = t->work + 3 * (DERMIS_KEPT + 1) * 3 * n;
     for (int64_t k = 0; k < 3 * n; k++) t->image[k] = 0.0;
+    for (int64_t i = 0; i < n; i++)
+        for (int k = 0; k < 9; k++) views[i].own[k] = (double)t->compliance[(3 * i + k / 3) * t->stride + 3 * i + k % 3];
     for (int64_t i = 0; i < n; i++)
         if (t->force[3 * i] != 0.0 || t->force[3 * i + 1] != 0.0 || t->force[3 * i + 2] != 0.0) move_all(t, i, t->force + 3 * i);
     for (int round = 0; round < 4 && t->sweeps < t->most; round++) {

@@ -95,6 +95,11 @@ class Disc(Plane):
     radius: float = 8.0e-3
     rounding: float = ROUNDING
 
+    @property
+    def rim(self) -> tuple[float, float]:
+        """Radii of the face and of the rim [m]."""
+        return self.radius, self.rounding
+
     def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
         """Return gaps, closest points and normals for points in the disc's frame.
 

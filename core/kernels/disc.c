@@ -6,6 +6,7 @@
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
+#include "rim.h"
 
 enum { OPEN, STICK, SLIP };
 
@@ -146,8 +147,7 @@ static double see(const dermis_disc *disc, const placement *pose, int64_t point,
     for (int k = 0; k < 2; k++)
         out->across[k] = disc->sticking[point] ? disc->anchors[2 * point + k] : now[0] * turn[k] + now[1] * turn[3 + k] + now[2] * turn[6 + k];
     out->reach = dermis_root(out->across[0] * out->across[0] + out->across[1] * out->across[1]);
-    double over = dermis_most(out->reach - disc->radius, 0.0);
-    return over * over * (0.5 / disc->rounding) - out->local[2];
+    return dermis_rim(disc->radius, disc->rounding, out->reach) - out->local[2];
 }
 
 /* Compute the movement of the disc's material at a place of the finger's frame, per unit of a freedom (3). */

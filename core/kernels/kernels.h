@@ -153,6 +153,8 @@ typedef struct {
 typedef struct {
     const dermis_body *body; /* checked by `dermis_body_fit`; null: the body is the half-space below a plane */
     double plane[4];         /* unit normal of the plane, and its coordinate along the normal [m] */
+    double radius, rounding; /* the plane is a disc about the foot of the body's origin: radii of its flat face and of
+                                its rounded rim [m]; rounding 0: the plane is infinite */
     double rotation[9];      /* rotation matrix, row by row */
     double translation[3];   /* [m] */
     double friction;         /* friction coefficient */

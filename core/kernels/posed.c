@@ -5,6 +5,7 @@
 #include "distance.h"
 #include "numbers.h"
 #include "poses.h"
+#include "rim.h"
 
 /* OPPOSITE: a normal belongs to the far side of a thin body if its component into the finger is below this.
    ABOVE: the near side is then searched from a point this much deeper in the finger [m]. */
@@ -18,7 +19,16 @@ static void localised(const dermis_posed *posed, const double *x, double *local)
     dermis_turned_back(posed->rotation, from, local);
 }
 
+/* Return the distance of a point from the axis of a disc [m]. */
+static double reach_of(const dermis_posed *posed, const double *local) {
+    double height = dermis_dot(local, posed->plane), across[3];
+    for (int k = 0; k < 3; k++) across[k] = local[k] - height * posed->plane[k];
+    return dermis_root(dermis_dot(across, across));
+}
+
 /* Measure the signed distance of a point to one body; return the closest triangle, 0 for a plane, -1 beyond the limit.
+
+   The gap of a disc is measured along the normal of its face, also at its rim.
 
    slot: in, a hint or -1; out, see `dermis_distance`. gap: out [m]. normal: out, in the frame of the skin (3). */
 static int64_t measure(const dermis_posed *posed, const double *x, double limit, int64_t *slot, double *gap, double *normal) {
@@ -27,6 +37,7 @@ static int64_t measure(const dermis_posed *posed, const double *x, double limit,
     localised(posed, x, local);
     if (posed->body == NULL) {
         *gap = dermis_dot(local, posed->plane) - posed->plane[3];
+        if (posed->rounding > 0.0) *gap += dermis_rim(posed->radius, posed->rounding, reach_of(posed, local));
         for (int k = 0; k < 3; k++) turned[k] = posed->plane[k];
         if (*gap > limit) return -1;
     } else {
@@ -73,7 +84,7 @@ int dermis_sees_plane(const dermis_posed *posed, int64_t bodies, const double *x
                                                              no triangle lies in it */
         localised(one, x, local);
         if (one->body == NULL) {
-            if (b != sight->body && dermis_dot(local, one->plane) - one->plane[3] <= radius) return 0;
+            if (b == sight->body ? one->rounding > 0.0 && reach_of(one, local) + radius > one->radius : dermis_dot(local, one->plane) - one->plane[3] <= radius) return 0;
             continue;
         }
         if (b == sight->body) dermis_turned_back(one->rotation, sight->normal, plane);
@@ -101,7 +112,7 @@ static int finite(const double *values, int64_t count) {
 int dermis_known_posed(const dermis_posed *posed, int64_t bodies) {
     for (int64_t b = 0; b < bodies; b++) {
         const dermis_posed *one = posed + b;
-        if (!finite(one->rotation, 9) || !finite(one->translation, 3) || !finite(one->plane, 4)) return 0;
+        if (!finite(one->rotation, 9) || !finite(one->translation, 3) || !finite(one->plane, 4) || !dermis_finite(one->radius + one->rounding)) return 0;
         if (!(one->friction >= 0.0) || !(one->softness >= 0.0) || !dermis_finite(one->friction + one->softness)) return 0;
     }
     return 1;

@@ -92,7 +92,7 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
             if (p == 4 && above == 0) {
                 double there = sight.gap - lift * dermis_dot(inward, sight.normal);
                 int rough = !thorough && sight.gap - lift > FAR;
-                if (rough || (t->bodies == 1 && t->posed[0].body == NULL)) {
+                if (rough || (t->bodies == 1 && t->posed[0].body == NULL && !(t->posed[0].rounding > 0.0))) {
                     take_plane(t, v, i, there, sight.normal);
                     v->rough = rough;
                     return;

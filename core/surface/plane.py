@@ -36,6 +36,7 @@ class Plane:
         object.__setattr__(self, "point", np.asarray(self.point, dtype=np.float64))
 
     closed = True
+    rim = (0.0, 0.0)  # radii of the flat face and of the rounded rim of a disc [m]; 0: the plane is infinite
     box = np.array([[-np.inf] * 3, [np.inf] * 3])
 
     @property

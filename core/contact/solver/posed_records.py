@@ -66,6 +66,7 @@ def _pose(record: records.PosedRecord, body: ContactBody, bone: Array) -> None:
             record.side = -1.0
     elif kernel is None:
         record.plane[:] = [*body.surface.normal, float(body.surface.point @ body.surface.normal)]
+        record.radius, record.rounding = body.surface.rim
     record.rotation[:] = np.asarray(body.rotation).reshape(-1).tolist()
     record.translation[:] = body.translation.tolist()
     record.friction, record.softness = body.friction, body.softness

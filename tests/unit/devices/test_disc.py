@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from core.contact.solver.path_solver import PathSolver
+from core.contact.solver.point_solver import PointSolver
+from core.contact.solver.posed_records import ROUND
+from core.contact.solver.smooth_contact import LIFT, RATIO
 from core.devices import disc as module
 from core.devices.disc import DiscContact
 from core.devices.disc_pose import Disc, FrictionState, placed
@@ -15,6 +18,8 @@ from core.devices.first_contact import calibrated, first_contact
 from core.devices.press_problem import PressPoints
 from core.devices.thimble import mechanism
 from core.presets import Library
+from core.skin.model import fingertip_skin
+from core.skin.surface_store import smooth_pad
 from tests import contact_laws, problems
 
 
@@ -169,3 +174,20 @@ def test_calibration_puts_first_contact_where_it_was_felt(skin, device):
 def test_far_away_nothing_is_felt(skin, device):
     found = contact_with(skin, device, 0.6).solve(placed(device, device.pose((0.0, 0.0, 0.025))))
     assert not found.touching and found.method == "none" and not found.force.any()
+
+
+def test_points_of_smooth_skin_find_the_gap_that_the_disc_has(device):
+    """The compiled look of a touch, against `query` at the two lifted places from which a touch looks."""
+    pad, disc = smooth_pad(fingertip_skin(level="draft")), disc_of(device)
+    pose = placed(device, device.pose(np.array([0.25, -0.15, 0.0172])))
+    solver = PointSolver(pad)
+    found = solver.look([disc.body(pose, 0.3)])
+    up = -pad.chart.cells.normals[solver.cells] * LIFT * ROUND
+    low, high = (disc.query((solver.points + k * up - pose.centre) @ pose.rotation).gap for k in (1.0, RATIO))
+    near = found.body >= 0
+    assert near.sum() > 20 and (disc.query((solver.points - pose.centre) @ pose.rotation).gap[near] > 0.0).any()
+    expected = (RATIO * low - high) / (RATIO - 1.0)
+    exact = near & (expected < 0.2e-3)  # a point that is farther looks but once
+    reach = np.hypot(*((solver.points - pose.centre) @ pose.rotation)[exact, :2].T)
+    assert (reach > disc.radius + 0.5e-3).any() and (reach < disc.radius).any()
+    np.testing.assert_allclose(found.clearance[exact], expected[exact], atol=1e-12)

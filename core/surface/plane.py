@@ -36,8 +36,12 @@ class Plane:
         object.__setattr__(self, "point", np.asarray(self.point, dtype=np.float64))
 
     closed = True
-    rim = (0.0, 0.0)  # radii of the flat face and of the rounded rim of a disc [m]; 0: the plane is infinite
     box = np.array([[-np.inf] * 3, [np.inf] * 3])
+
+    @property
+    def rim(self) -> tuple[float, float]:
+        """Radii of the flat face and of the rounded rim of a disc [m], (0, 0) for an infinite plane."""
+        return 0.0, 0.0
 
     @property
     def kernel_body(self) -> KernelBody | None:

@@ -85,6 +85,10 @@ def placed(device: DiscDevice, pose: PlatformPose) -> DiscPose:
 class Disc(Plane):
     """Surface of the disc in its own frame: flat up to `radius`, then rounded.
 
+    The rim falls as a parabola, whose radius of curvature is `rounding` where it leaves the face. All gaps are measured
+    along the normal of the face. Points of a device's disc are 1.6 mm apart, which is too far for normals that turn
+    about a rim of 1 mm.
+
     Attributes:
         radius: radius of the flat face [m].
         rounding: radius of the rounded rim [m].

@@ -4,7 +4,7 @@
 
 #include "numbers.h"
 
-/* Return how far a disc's rim lies below the plane of its flat face [m].
+/* Return how far a disc's rim lies below the plane of its flat face [m]. It falls as a parabola.
 
    radius, rounding: radii of the flat face and of the rim [m]. reach: distance from the disc's axis [m]. */
 static inline double dermis_rim(double radius, double rounding, double reach) {

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.arrays import Array, Indices
+from core.contact.solver.smooth_contact import LOOKS, ROOM
 from core.kernels import building, records
 from core.skin.assembly import degrees, stiffness
 from core.skin.material import Elastic
@@ -26,7 +27,7 @@ from tests.problems import cube_mesh
 
 GIVEN = "compliance", "offset", "normals", "friction", "softness", "force"  # of a contact
 TYPES = {"double": "f8", "float": "f4"} | {f"{kind}_t": kind for kind in ("int64", "int32", "int16", "int8", "uint8")}
-WORKSPACES = "room", "sums", "afar", "indices"  # nobody reads them after a call
+WORKSPACES = "room", "sums", "work", "indices"  # nobody reads them after a call
 SIZES: dict[int, int] = {}  # bytes of an array, by where it begins: a call in another process sends them there
 Record = TypeVar("Record", bound=ctypes.Structure)
 
@@ -278,55 +279,38 @@ def drawn_contact(seed: int) -> Contact:
 
 @dataclass(eq=False)
 class Survey(Case):
-    """The arrays of a pad's survey: square cells on a plane, skin that has moved, an edge and a plane near it."""
+    """The arrays of a pad's survey: square cells on a bowl at rest, an edge and a plane near it."""
 
     positions: Array
     normals: Array
     sides: Array
     limits: Array
-    raised: Array
-    load: Array
-    table: NDArray[np.float32]
-    points: Indices
     longs: Array
     tiles: Tiles
     solid: Arrays
     poses: Array
     finest: int
-    limit, turned, edge, sharp, bent, corners, beyond = 2.5e-3, 0.3, 0.9, 1.5, 0.04e-3, 0.75, 0.4e-3
-    beside, merge, odd, level, deep, steep, often, coarsest, many = 0.35, 0.6, 0.4, 0.1, 0.06e-3, 0.3, 2, 1, 450
-    results = "found", "cut", "edges", "finest"
+    sharpness: float
+    alone: int
+    limit, turned, edge, bent, corners, beyond = 2.5e-3, 0.3, 0.9, 0.04e-3, 0.75, 0.4e-3
+    beside, odd, above, deep, steep, coarsest, many = 0.35, 0.4, 3e-3, 0.02e-3, 0.3, 1, 450
+    results = "found", "finest"
 
     def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         tiles = self.tiles
-        cells, roots = len(tiles.root), self.tiles.first[1, 1]
-        assert not any(self.solid.call(own))
-        _, body, _ = self.solid.records()
-        turn = {"rotation": np.eye(3), "side": 1.0}
-        posed = (records.PosedRecord * 2)(
-            filled(records.PosedRecord, body=body, translation=self.poses[0], **turn),
-            filled(records.PosedRecord, plane=[0.0, 0.0, 1.0, -2e-3], translation=self.poses[1], **turn),
-        )
-        squares = 4 ** (tiles.levels - 1)
-        owner, in_root = np.full((roots + 1, squares), -1), np.full(roots, -1)
-        point = np.full(cells, -1)
-        point[self.points] = np.arange(len(self.points))
-        owner[tiles.root[self.points]] = point[self.points][:, None]
-        in_root[tiles.root[self.points]] = point[self.points]
-        found = dict(zip(("leaves", "cuts", "cut_ways"), np.zeros((3, 4 * roots), dtype=np.int64), strict=True))
-        found |= {"clearance": np.zeros(4 * roots), "room": np.zeros((2, 4 * roots), dtype=np.int64)}
-        numbers = {"bodies": 2, "roots": roots, "levels": tiles.levels, "squares": squares, "most": 4 * roots}
-        numbers |= {"points": len(self.points), "loaded": len(self.load), "filled": len(self.table)}
-        names = "first", "ways", "root", "halved", "place", "quarters"
+        roots = self.tiles.first[1, 1]
+        posed = posed_pair(own, self.solid, self.poses, self.sharpness)
+        found = {"leaves": np.zeros(4 * roots, dtype=np.int64), "clearance": np.zeros(4 * roots)}
+        found |= {"room": np.zeros((2, 4 * roots), dtype=np.int64)}
+        numbers = {"bodies": 2 - self.alone, "roots": roots, "levels": tiles.levels, "most": 4 * roots}
+        names = "first", "ways", "root", "halved", "place"
         arrays = {name: np.ascontiguousarray(getattr(tiles, name)) for name in names}
-        arrays |= {"ways_before": np.zeros(cells, dtype=np.int64), "owner": owner, "in_root": in_root}
-        arrays |= {"rows": np.arange(len(self.load)), "afar": np.full((roots, 3), np.nan)}
         record = filled(records.SurveyRecord, self, posed=posed, **numbers, **arrays, **found)
         yield self._call(own.dermis_find_cells, record, **changed)
 
 
 def drawn_survey(seed: int) -> Survey:
-    """Return a pad of 12 by 12 cells of 0.8 mm, and where skin and bodies are: far off, near and in each other."""
+    """Return a pad of 12 by 12 cells of 0.8 mm, and an edge, alone or with a plane: far off, near and in the skin."""
     rng, across, side = np.random.default_rng(seed), 12, 0.8e-3
     tiles = Tiles(np.cumsum([0, *(across**2 * 4**k for k in range(4))]).tolist())
     size = side / 2.0**tiles.halved
@@ -337,23 +321,111 @@ def drawn_survey(seed: int) -> Survey:
     normals = -normals / np.linalg.norm(normals, axis=1)[:, None]
     sides = np.zeros((len(flat), 2, 3))
     sides[:, 0, 0], sides[:, 1, 1] = size.T
-    points = np.sort(rng.choice(across**2, 30, replace=False)) if seed % 3 else np.zeros(0, dtype=np.int64)
     poses = rng.uniform(-1.5e-3, 1.5e-3, (2, 3))
     return Survey(
         positions,
         normals,
         sides,
         0.4 * size.max(axis=1) + 0.1e-3,
-        0.3e-3 * rng.normal(size=(len(points), 3)),
-        0.2e-3 * rng.normal(size=(4, 3)) * (seed % 2),
-        rng.normal(size=(4, 3, across**2, 3)).astype(np.float32),
-        points,
         size.max(axis=1),
         tiles,
         Arrays(*edge(), np.zeros((1, 3))),
         poses,
         int(rng.integers(1, 4)),
+        float(rng.choice([1.0 / 3.0, 1.0])),
+        seed % 3 // 2,
     )
+
+
+@dataclass(eq=False)
+class Touch(Case):
+    """Points of smooth skin that look at bodies, and the forces that these exert on them.
+
+    Attributes:
+        plane: whether the plane is the only body.
+    """
+
+    points: Array
+    inward: Array
+    spread: Array
+    lift: Array
+    areas: Array
+    where: Array
+    drag: Array
+    shift: Array
+    force: Array
+    body: Indices
+    compliance: NDArray[np.float32]
+    solid: Arrays
+    poses: Array
+    sharpness: float
+    bodies: int
+    plane: bool = False
+    limit, ratio, tolerance, most, avx2 = 2.5e-3, 6.0, 1e-4, 60, 0
+    results = "residual", "sweeps", "looks"
+
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
+        n = len(self.points)
+        pair = posed_pair(own, self.solid, self.poses, self.sharpness)
+        posed = pair[1] if self.plane else pair
+        found = {name: np.full((n, 3), np.nan) for name in ("normal", "image", "moved")}
+        found |= {name: getattr(self, name).copy() for name in ("where", "force", "body")}
+        found |= {"clearance": np.full(n, np.nan), "triangle": np.full(n, -7), "status": np.full(n, -7, np.int8)}
+        work = {"slots": np.full((n, LOOKS), -1), "room": np.full((n, ROOM), np.nan)}
+        work |= {"work": np.full((3 * records.KEPT + 4, n, 3), np.nan)}
+        numbers = {"count": n, "stride": self.compliance.shape[1], "width": 8 * ROOM}
+        look = filled(records.TouchRecord, self, posed=posed, compliance=None, **numbers, **found, **work)
+        status = self._call(own.dermis_touch_points, look, **changed)
+        yield status
+        if status:
+            return
+        solve = filled(records.TouchRecord, self, posed=posed, looked=1, **numbers, **found, **work)
+        yield self._call(own.dermis_touch_points, solve, **changed)
+
+
+def drawn_touch(seed: int) -> Touch:
+    """Return points of a bowl, on cells of all sizes, and an edge, a plane or both: away, touching or deep."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 30))
+    flat = rng.uniform(-3e-3, 3e-3, (n, 2))
+    normals = np.column_stack([4.0 * flat, -np.ones(n)])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    spread = np.zeros((n, 2, 3))
+    spread[:, 0, 0] = spread[:, 1, 1] = 0.25e-3
+    reach = np.linalg.norm(flat[:, None] - flat, axis=2)
+    matrix = np.kron(np.exp(-((reach / 2e-3) ** 2)) + 0.2 * np.eye(n), np.diag([1.0, 1.2, 0.8]))
+    compliance = np.full((3 * n, 3 * n + int(rng.integers(0, 9))), np.nan, np.float32)
+    compliance[:, : 3 * n] = 10.0 ** rng.uniform(-4, -2) * matrix
+    return Touch(
+        np.column_stack([flat, 2.0 * (flat**2).sum(axis=1)]),
+        -normals,
+        spread,
+        np.full(n, 0.3e-3),
+        10.0 ** rng.uniform(-8, -6, n),
+        1e-4 * rng.normal(size=(n, 3)),
+        1e-4 * rng.normal(size=(n, 3)) * (seed % 2),
+        1e-4 * rng.normal(size=(n, 3)) * (seed % 4 == 0),
+        0.1 * rng.normal(size=(n, 3)) * (rng.random((n, 1)) < 0.5),
+        rng.integers(-1, 2, n),
+        compliance,
+        Arrays(*edge(), np.zeros((1, 3))),
+        np.column_stack([rng.uniform(-1e-3, 1e-3, (2, 2)), rng.uniform(-1e-3, 1.5e-3, 2)]),
+        float(rng.choice([1.0 / 3.0, 0.6, 1.0])),
+        int(rng.integers(1, 3)),
+    )
+
+
+def posed_pair(own: Any, solid: Arrays, poses: Array, sharpness: float) -> ctypes.Array[records.PosedRecord]:
+    """Return the records of a body and of a rough and soft plane below it."""
+    assert not any(solid.call(own))
+    _, body, _ = solid.records()
+    turn = {"rotation": np.eye(3), "side": 1.0}
+    edge = filled(records.PosedRecord, body=body, translation=poses[0], sharpness=sharpness, **turn)
+    soft = {"sharpness": 1.0 / 3.0, "friction": 0.7, "softness": 1e-9}
+    plane = filled(records.PosedRecord, plane=[0.0, 0.0, 1.0, -2e-3], translation=poses[1], **soft, **turn)
+    pair = (records.PosedRecord * 2)(edge, plane)
+    pair.kept = edge.kept  # the array copies addresses alone
+    return pair
 
 
 @dataclass(eq=False)
@@ -440,49 +512,6 @@ def drawn_pieces(seed: int) -> Pieces:
     sides = 10.0 ** rng.uniform(-5, -3, (n, 1, 1)) * (np.eye(3)[:2] + 0.1 * rng.normal(size=(n, 2, 3)))
     areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
     return Pieces(positions, normals, np.ascontiguousarray(sides), areas, seed % 2)
-
-
-@dataclass(eq=False)
-class Points(Case):
-    """Points of a grid of 6 by 6 roots that others were before."""
-
-    tiles: Tiles
-    around: Indices
-    before: Indices
-    cells: Indices
-
-    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
-        tiles, side = self.tiles, 1 << (self.tiles.levels - 1)
-        roots = len(self.around)
-        self.owner, self.in_root = np.full((roots + 1, side * side), -1), np.full(roots, -1)
-        self.number, self.beside = np.full(tiles.count, -1), np.full((len(self.cells), 4), -9)
-        both = {"known": tiles.count, "side": side, "old_cells": self.before}
-        beside = np.zeros((len(self.before), 4), np.int64)
-        first = {"before": 0, "count": len(self.before), "cells": self.before, "beside": beside}
-        yield self._call(own.dermis_number_points, filled(records.PointsRecord, self, tiles, **both, **first))
-        then = filled(records.PointsRecord, self, tiles, **both, before=len(self.before), count=len(self.cells))
-        yield self._call(own.dermis_number_points, then, **changed)
-
-
-def drawn_points(seed: int) -> Points:
-    """Return points of all sizes that do not overlap, and others that they take the place of."""
-    rng, across = np.random.default_rng(seed), 6
-    tiles = Tiles(np.cumsum([0, *(across**2 * 4**k for k in range(4))]).tolist())
-    grid = np.full((across + 2, across + 2), across**2)
-    grid[1:-1, 1:-1] = np.arange(across**2).reshape(across, across)
-    around = np.stack([grid[i : i + across, j : j + across].ravel() for i in range(3) for j in range(3)], axis=1)
-
-    def some() -> Indices:
-        chosen = []
-        for root in rng.permutation(across**2)[:20]:
-            kinds = np.flatnonzero(tiles.root == root)
-            halved = tiles.halved[kinds]
-            kind = halved[rng.integers(0, len(kinds))]
-            cells = kinds[(halved == kind).all(axis=1)]
-            chosen.append(rng.permutation(cells)[: 1 + len(cells) // 2])
-        return np.concatenate(chosen)
-
-    return Points(tiles, np.ascontiguousarray(around.reshape(-1, 3, 3)), some(), some())
 
 
 @dataclass(eq=False)

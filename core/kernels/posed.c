@@ -113,7 +113,7 @@ int dermis_known_posed(const dermis_posed *posed, int64_t bodies) {
     for (int64_t b = 0; b < bodies; b++) {
         const dermis_posed *one = posed + b;
         if (!finite(one->rotation, 9) || !finite(one->translation, 3) || !finite(one->plane, 4) || !dermis_finite(one->radius + one->rounding)) return 0;
-        if (!(one->friction >= 0.0) || !(one->softness >= 0.0) || !dermis_finite(one->friction + one->softness)) return 0;
+        if (!(one->friction >= 0.0) || !(one->softness >= 0.0) || !dermis_finite(one->friction + one->softness + one->sharpness)) return 0;
     }
     return 1;
 }

@@ -80,13 +80,13 @@ class ContactRecord(ctypes.Structure):
 
 
 @_declared
-class TouchRecord(ctypes.Structure):
-    """`dermis_touch`."""
+class PosedRecord(ctypes.Structure):
+    """`dermis_posed`."""
 
 
 @_declared
-class PosedRecord(ctypes.Structure):
-    """`dermis_posed`."""
+class TouchRecord(ctypes.Structure):
+    """`dermis_touch`."""
 
 
 @_declared

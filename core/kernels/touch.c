@@ -348,6 +348,8 @@ DERMIS_NOINLINE static int32_t touch(dermis_touch *t) {
     view *views = t->room;
     if (!dermis_known_posed(t->posed, t->bodies) || !finite(t->points, 3 * n) || !finite(t->where, 3 * n) || !finite(t->force, 3 * n)) return DERMIS_NOT_FINITE;
     if (!finite(t->drag, 3 * n) || !finite(t->shift, 3 * n)) return DERMIS_NOT_FINITE;
+    for (int64_t i = 0; i < n && t->looked; i++)
+        if (t->body[i] < -1 || t->body[i] >= t->bodies) return DERMIS_BAD_RECORD;
     t->sweeps = t->looks = 0;
     for (int64_t i = 0; i < n && !t->looked; i++) look(t, views + i, i, 0);
     if (t->compliance != NULL) solve(t, views);
@@ -355,7 +357,9 @@ DERMIS_NOINLINE static int32_t touch(dermis_touch *t) {
 }
 
 static int sound(const dermis_touch *t) {
-    return t->count >= 0 && dermis_sound_posed(t->posed, t->bodies) && t->width == (int64_t)sizeof(view);
+    int solved = t->compliance == NULL || (t->stride >= 3 * t->count && t->most >= 0 && t->tolerance >= 0.0);
+    return t->count >= 0 && dermis_sound_posed(t->posed, t->bodies) && t->width == (int64_t)sizeof(view) && solved && (t->avx2 == 0 || t->avx2 == 1) &&
+           (t->looked == 0 || t->looked == 1);
 }
 
 DERMIS_FUNCTION(dermis_touch_points, dermis_touch, sound, touch)

@@ -175,8 +175,10 @@ def _call(record: records.TouchRecord) -> None:
 
 def _gaps(look: _Look, bodies: Sequence[ContactBody]) -> NodeGaps:
     """Return copies of the gaps that a kernel found."""
-    names = ("clearance", "normal", "where", "body", "triangle")
-    clearance, normal, where, body, triangle = (look.arrays[name].copy() for name in names)
+    clearance, normal, where = (
+        np.array(look.arrays[name], dtype=np.float64) for name in ("clearance", "normal", "where")
+    )
+    body, triangle = (np.array(look.arrays[name], dtype=np.int64) for name in ("body", "triangle"))
     friction, softness = (
         np.array([*(getattr(bodies[i], name) for i in look.near[:-1]), 0.0])[body] for name in ("friction", "softness")
     )

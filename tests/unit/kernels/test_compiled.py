@@ -25,20 +25,20 @@ from tests.kernel_arrays import (
     Friction,
     Law,
     Pieces,
-    Points,
     Pressed,
     Rest,
     Survey,
+    Touch,
     drawn,
     drawn_contact,
     drawn_friction,
     drawn_law,
     drawn_pieces,
-    drawn_points,
     drawn_pressed,
     drawn_rest,
     drawn_skin,
     drawn_survey,
+    drawn_touch,
     gcc,
     opened,
 )
@@ -68,12 +68,13 @@ def answers(own: ctypes.CDLL | RemoteLibrary) -> list[bytes]:
     return out
 
 
-def cases() -> list[Arrays | Contact | Friction | Survey | Law | Rest | Pieces | Points | Pressed | DrawnSkin]:
+def cases() -> list[Arrays | Contact | Friction | Survey | Law | Rest | Pieces | Pressed | Touch | DrawnSkin]:
     """Return arrays of all kinds for all functions."""
     surveys = [drawn_survey(seed) for seed in range(12)]
     tissue = [*map(drawn_law, range(20)), *map(drawn_rest, range(6))]
-    pads = [*surveys, *map(drawn_pieces, range(6)), *map(drawn_points, range(8)), *map(drawn_skin, range(27))]
+    pads = [*surveys, *map(drawn_pieces, range(6)), *map(drawn_skin, range(27))]
     contacts = [*map(drawn_contact, range(20)), *map(drawn_friction, range(20)), *map(drawn_pressed, range(40))]
+    contacts += map(drawn_touch, range(30))
     return [*(drawn(seed) for seed in range(0, 40, 3)), *contacts, *tissue, *pads]
 
 
@@ -198,11 +199,10 @@ def sanitized(path: str, short: bool = False) -> None:
             friction.arrays["below"][rng.integers(0, len(friction.arrays["below"]))] = rng.choice([-2, 3, 2**62])
         refused += any(friction.call(own))
         survey = drawn_survey(seed)
-        for name in ("positions", "normals", "sides", "limits", "raised", "load") if seed % 2 else ():
+        for name in ("positions", "normals", "sides", "limits") if seed % 2 else ():
             array = getattr(survey, name)
-            if array.size:
-                array.flat[rng.integers(0, array.size)] = rng.choice(bad)
-        refused += any(survey.call(own, **({"filled": 2} if seed % 5 == 0 else {})))
+            array.flat[rng.integers(0, array.size)] = rng.choice(bad)
+        refused += any(survey.call(own))
         law = drawn_law(seed)
         if seed % 2:
             law.moved.flat[rng.integers(0, law.moved.size)] = rng.choice(bad)
@@ -212,12 +212,16 @@ def sanitized(path: str, short: bool = False) -> None:
         rest = drawn_rest(seed)
         rest.force.flat[rng.integers(0, rest.force.size)] = rng.choice(bad)
         refused += any(rest.call(own))
-        pieces, points = drawn_pieces(seed), drawn_points(seed)
+        pieces = drawn_pieces(seed)
         pieces.sides.flat[rng.integers(0, pieces.sides.size)] = rng.choice(bad)
         refused += any(pieces.call(own))
-        if seed % 3 == 0:
-            points.cells[rng.integers(0, len(points.cells))] = rng.choice([-1, points.tiles.count, 2**62])
-        refused += any(points.call(own))
+        touch = drawn_touch(seed)
+        for name in ("points", "where", "drag", "force", "lift", "areas", "compliance") if seed % 2 else ():
+            array = getattr(touch, name)
+            array.flat[rng.integers(0, array.size)] = rng.choice(bad)
+        if seed % 5 == 0:
+            touch.body[rng.integers(0, len(touch.body))] = rng.choice([-(2**62), 2, 2**62])
+        refused += any(touch.call(own))
         skin = drawn_skin(seed)
         skin.force.flat[rng.integers(0, skin.force.size)] = rng.choice(bad)
         if seed % 5 == 0:

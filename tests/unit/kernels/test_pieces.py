@@ -1,0 +1,12 @@
+"""What the compiled displacement of pieces of skin refuses; `test_compiled.py` has its bytes."""
+
+from __future__ import annotations
+
+from core.kernels import library, records
+from tests.kernel_arrays import drawn_pieces, opened
+
+
+def test_damaged_records_are_refused() -> None:
+    own = opened(library.kernels().path)
+    for field, value in {"single": 2, "field": 0, "source": 0}.items():
+        assert drawn_pieces(1).call(own, **{field: value}) == [records.BAD_RECORD]

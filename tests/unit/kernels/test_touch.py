@@ -1,0 +1,85 @@
+"""Contact of smooth skin: what is refused, and the forces on a plane alone; `test_compiled.py` has its bytes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from core.kernels import library, records
+from tests.kernel_arrays import Contact, drawn_touch, opened
+
+VALUES = {"count": -1, "avx2": 2, "looked": 2, "width": 8, "bodies": -1}
+SOLVED = {"stride": 2, "most": -1, "tolerance": -1.0}
+
+
+@pytest.mark.parametrize("field", VALUES | SOLVED)
+def test_damaged_records_are_refused(field: str) -> None:
+    own = opened(library.kernels().path)
+    value = (VALUES | SOLVED)[field]
+    assert drawn_touch(4).call(own) == [records.DONE] * 2
+    wanted = [records.DONE, records.BAD_RECORD] if field in SOLVED else [records.BAD_RECORD]
+    assert drawn_touch(4).call(own, **{field: value}) == wanted
+    assert drawn_touch(4).call(own, tolerance=np.nan) == [records.DONE, records.BAD_RECORD]
+
+
+@pytest.mark.parametrize("body", [-2, 2, 2**62])
+def test_a_body_that_is_none_is_a_hint_for_a_look_and_refused_for_forces(body: int) -> None:
+    own = opened(library.kernels().path)
+    wanted = drawn_touch(6)
+    assert wanted.call(own) == [records.DONE] * 2
+    touch = drawn_touch(6)
+    touch.body[:] = body
+    assert touch.call(own) == [records.DONE] * 2
+    assert touch.answer() == wanted.answer()
+    assert touch.call(own, looked=1) == [records.BAD_RECORD]
+
+
+@pytest.mark.parametrize("name", ["points", "where", "force", "drag", "shift"])
+def test_numbers_that_are_not_finite_are_refused(name: str) -> None:
+    touch = drawn_touch(7)
+    getattr(touch, name).reshape(-1)[-1] = np.inf
+    assert touch.call(opened(library.kernels().path)) == [records.NOT_FINITE]
+
+
+def test_avx2_changes_no_byte() -> None:
+    kernels = library.kernels()
+    if not kernels.avx2:
+        pytest.skip("this processor has no AVX2")
+    own = opened(kernels.path)
+    for seed in range(40):
+        answers = []
+        for avx2 in (0, 1):
+            touch = drawn_touch(seed)
+            assert touch.call(own, avx2=avx2) == [records.DONE] * 2
+            answers.append(touch.answer())
+        assert answers[0] == answers[1], seed
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_on_a_plane_alone_the_gap_is_exact_and_the_forces_are_those_of_the_sweeps(seed: int) -> None:
+    """Nothing turns there: the problem is the one with fixed normals, which has friction and softness too."""
+    own = opened(library.kernels().path)
+    touch = replace(drawn_touch(seed), bodies=1, plane=True)
+    touch.limit, touch.tolerance, touch.most = 1.0, 1e-9, 10000
+    assert touch.call(own) == [records.DONE] * 2
+    found, n = touch.called[1].kept, len(touch.points)
+    normal, height = np.array([0.0, 0.0, 1.0]), touch.poses[1, 2] - 2e-3
+    assert (found["body"] == 0).all()
+    np.testing.assert_allclose(found["normal"], np.tile(normal, (n, 1)), atol=1e-12)
+    places = touch.points + found["where"]
+    np.testing.assert_allclose(found["clearance"], places[:, 2] - height, atol=1e-12)
+    away = touch.points + touch.shift
+    way = touch.shift + touch.drag
+    offset = way + ((away[:, 2] - height) - way[:, 2])[:, None] * normal
+    normals, friction, softness = np.tile(normal, (n, 1)), np.full(n, 0.7), 1e-9 / touch.areas
+    start = np.zeros((n, 3))
+    swept = Contact(touch.compliance, offset, normals, friction, softness, start, np.arange(n), 1e-9, 10000)
+    assert swept.call(own) == [records.DONE]
+    wanted = swept.called[0].kept["force"]
+    largest = float(np.linalg.norm(wanted, axis=1).max(initial=0.0))
+    assert largest > 0.0 or (offset[:, 2] > 0.0).all()
+    np.testing.assert_allclose(found["force"], wanted, atol=1e-6 * largest)
+    touches = np.linalg.norm(wanted, axis=1) > 1e-6 * largest
+    np.testing.assert_array_equal(found["status"][touches], swept.called[0].kept["status"][touches])

@@ -131,7 +131,7 @@ def _read(key: Key, skin: Mapping[str, float], level: str, tissue: str, where: s
         smooth = core.skin.surface_store.smooth_pad(model)
         if smooth is not None:
             chart = smooth.chart
-            assert smooth.cells.extent and chart.tiles.quarters.size and chart.tiles.ways.size and chart.levels.size
+            assert smooth.cells.extent and chart.tiles.ways.size and chart.levels.size
             assert smooth.coarse[chart.base].size
         if on_read is not None:
             on_read(model)

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 
@@ -67,23 +66,6 @@ class Tiles:
     def bars(self) -> tuple[tuple[int, int], ...]:
         """Numbers of halvings of both sides, for all bars of this chart."""
         return tuple(bar for bar in BARS if max(bar) < self.levels)
-
-    def sizes(self, tiles: Indices) -> Indices:
-        """Return the sides of tiles in sides of the finest squares, shape (n, 2).
-
-        The first side is along the finger, the second around it.
-        """
-        return np.asarray((1 << (self.levels - 1)) >> self.halved[tiles])
-
-    @cached_property
-    def quarters(self) -> NDArray[np.int16]:
-        """Finest squares at the centres of each tile's quarters, shape (n, 4).
-
-        A square is given by its index in the root.
-        """
-        size, side = self.sizes(np.arange(self.count)), 1 << (self.levels - 1)
-        rows, columns = ((self.place * size)[:, k, None] + size[:, k, None] * [1, 3] // 4 for k in (0, 1))
-        return (rows[:, :, None] * side + columns[:, None]).reshape(-1, 4).astype(np.int16)
 
     @cached_property
     def ways(self) -> Indices:

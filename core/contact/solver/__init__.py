@@ -10,7 +10,8 @@ history          anchors of friction
 notes            findings, each kind once
 path_solver      frame after frame along a path; path_step: one frame
 point_solver     the same on points of a smooth pad, with the modules
-point_tree       choice of the points by a compiled survey (posed_records: its bodies; moved_skin: its skin)
+point_tree       choice of the points by a compiled survey (posed_records: its bodies)
+smooth_contact   gaps and forces of points by a compiled solver
 point_matrix     compliance between the points; succession: transfer of state to new points
 grip             fingers that hold a body, their grips, and its displacement
 balance          forces that balance a held body

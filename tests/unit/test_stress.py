@@ -75,20 +75,6 @@ def test_what_failed_once_does_not_fail_again_and_what_is_known_to_fail_does(nam
     assert not failures, [(failure.seed, failure.measured) for failure in failures]
 
 
-# Seeds that fail, and by how much: edges and corners sharper than cells of skin. No row excuses them.
-TODAY = {("rate", 1): 0.00425, ("inside", 16): 0.0605, ("again", 15): 0.0652, ("press", 110067): 0.0143}
-WORSE = 1.5  # by which another library of linear algebra may change them
-
-
-@pytest.mark.parametrize(("name", "seed"), TODAY)
-def test_what_fails_today_fails_by_no_more(name: str, seed: int) -> None:
-    verdict = judged(BY_NAME[name], BY_NAME[name].values(seed))
-    assert len(verdict.failed) == 1, "it is mended: name its seed in MENDED of known.py instead"
-    value, _ = verdict.measured[verdict.failed[0]]
-    assert value <= WORSE * TODAY[name, seed]
-    assert known.known_failure(name, verdict.failed[0], value, verdict.facts) is None
-
-
 # -- rows of what is known to fail ---------------------------------------------------------------------------------
 
 

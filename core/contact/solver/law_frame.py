@@ -44,11 +44,12 @@ class LinearContact(Protocol):
         """Bodies near in the last frame."""
         ...
 
-    def iterated(self, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
+    def iterated(self, b: Array, shift: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
         """Solve a frame.
 
         Args:
             b: offset of the contact problem [m], shape (n, 3).
+            shift: displacement that no contact force causes [m], shape (n, 3).
             gaps: gaps of the points.
             soft: compliance of the object below each point [m/N], shape (n,).
             start: forces to start from [N], shape (n, 3).
@@ -96,7 +97,7 @@ def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft
         law.reset()
         start = np.zeros_like(start)
     before = law.save()
-    found = _agreed(solver, law, b, gaps, soft, start, _went(solver, gaps, start))
+    found = _agreed(solver, law, b, np.zeros_like(b), gaps, soft, start, _went(solver, gaps, start))
     if law.settled:
         return found
     best, least = found, law.save()
@@ -121,7 +122,7 @@ def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft
         law.restore(least)
         return best
     law.give_up()
-    found = solver.iterated(b, gaps, soft, start)
+    found = solver.iterated(b, none, gaps, soft, start)
     return found._replace(solution=replace(found.solution, residual=max(found.solution.residual, 1.0)))
 
 
@@ -141,7 +142,7 @@ def _walked(
     going = way.any(axis=1)
     went = np.append(way[going].mean(axis=0), np.zeros(3)) / parts if going.any() else None
     for part in range(1, parts + 1):
-        found = _agreed(solver, law, b + (1.0 - part / parts) * way, gaps, soft, start, went)
+        found = _agreed(solver, law, b, (1.0 - part / parts) * way, gaps, soft, start, went)
         if not law.settled:
             break
         start = found.solution.force
@@ -149,17 +150,25 @@ def _walked(
 
 
 def _agreed(
-    solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft: Array, start: Array, went: Array | None
+    solver: LinearContact,
+    law: LawSkin,
+    b: Array,
+    back: Array,
+    gaps: NodeGaps,
+    soft: Array,
+    start: Array,
+    went: Array | None,
 ) -> SolvedFrame:
     """Alternate until the law has converged, or no step lowers its residual.
 
-    Arguments are those of `_settled`, and `went` is that of `LawSkin.begin`.
+    Arguments are those of `_settled`, with the way that the bodies have yet to go [m], shape (n, 3), and `went` of
+    `LawSkin.begin`.
     """
     law.begin(went)
     iterations, told = 0, False
     for again in range(ROUNDS):
         less = solver.beyond()
-        found = solver.iterated(b - less, gaps, soft, start)
+        found = solver.iterated(b, back - less, gaps, soft, start)
         iterations += found.solution.iterations
         if told:  # no step lowers the residual: this is the solution for the best c
             break

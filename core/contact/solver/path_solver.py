@@ -371,16 +371,16 @@ class PathSolver:
                 return SolvedFrame(solution, image, "unchanged")
         begin = self._extrapolated(start)
         return (
-            self.iterated(b, gaps, soft, begin)
+            self.iterated(b, np.zeros_like(b), gaps, soft, begin)
             if self.law is None
             else solved_by_law(self, self.law, b, gaps, soft, begin)
         )
 
-    def iterated(self, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
-        """Solve a frame on linear skin from forces to start from [N], shape (m, 3)."""
+    def iterated(self, b: Array, shift: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
+        """Solve a frame on linear skin from forces to start from [N], shape (m, 3); see `LinearContact.iterated`."""
         normal, mu = gaps.normal, gaps.friction
         likely = gaps.clearance < AHEAD
-        found = sweep(self._matrix, b, normal, mu, soft, start, self.tolerance, MOST_SWEEPS, likely)
+        found = sweep(self._matrix, b + shift, normal, mu, soft, start, self.tolerance, MOST_SWEEPS, likely)
         w, status, goal = found.displacement, found.status, CHECK * self.tolerance
         solution = Solution(found.force, w, normal, mu, status, found.sweeps, found.residual, goal, "sweeps")
         return SolvedFrame(solution, found.image, "solved")

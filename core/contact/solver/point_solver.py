@@ -211,9 +211,8 @@ class PointSolver(PathSolver):
         self._calm = None if asks else gaps
         return gaps
 
-    def iterated(self, b: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
-        """Solve a frame on linear skin from forces to start from [N], shape (m, 3)."""
-        shift = 0.0 if self.law is None else -self.beyond()
+    def iterated(self, b: Array, shift: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
+        """Solve a frame on linear skin from forces to start from [N], shape (m, 3); see `LinearContact.iterated`."""
         return self._contact.solve(self._points, b, gaps, start, shift, self.tolerance, CHECK * self.tolerance)
 
     # -- the points ----------------------------------------------------------------------------------------------

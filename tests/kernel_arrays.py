@@ -291,6 +291,7 @@ class Survey(Case):
     poses: Array
     finest: int
     sharpness: float
+    rounding: float
     alone: int
     limit, turned, edge, bent, corners, beyond = 2.5e-3, 0.3, 0.9, 0.04e-3, 0.75, 0.4e-3
     beside, odd, above, deep, steep, coarsest, many = 0.35, 0.4, 3e-3, 0.02e-3, 0.3, 1, 450
@@ -299,7 +300,7 @@ class Survey(Case):
     def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         tiles = self.tiles
         roots = self.tiles.first[1, 1]
-        posed = posed_pair(own, self.solid, self.poses, self.sharpness)
+        posed = posed_pair(own, self.solid, self.poses, self.sharpness, self.rounding)
         found = {"leaves": np.zeros(4 * roots, dtype=np.int64), "clearance": np.zeros(4 * roots)}
         found |= {"room": np.zeros((2, 4 * roots), dtype=np.int64)}
         numbers = {"bodies": 2 - self.alone, "roots": roots, "levels": tiles.levels, "most": 4 * roots}
@@ -333,6 +334,7 @@ def drawn_survey(seed: int) -> Survey:
         poses,
         int(rng.integers(1, 4)),
         float(rng.choice([1.0 / 3.0, 1.0])),
+        float(rng.choice([0.0, 0.5e-3])),
         seed % 3 // 2,
     )
 
@@ -342,6 +344,7 @@ class Touch(Case):
     """Points of smooth skin that look at bodies, and the forces that these exert on them.
 
     Attributes:
+        rounding: of the plane's rim [m]; 0: the plane is infinite.
         plane: whether the plane is the only body.
     """
 
@@ -359,6 +362,7 @@ class Touch(Case):
     solid: Arrays
     poses: Array
     sharpness: float
+    rounding: float
     bodies: int
     plane: bool = False
     limit, ratio, tolerance, most, avx2 = 2.5e-3, 6.0, 1e-4, 60, 0
@@ -366,7 +370,7 @@ class Touch(Case):
 
     def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         n = len(self.points)
-        pair = posed_pair(own, self.solid, self.poses, self.sharpness)
+        pair = posed_pair(own, self.solid, self.poses, self.sharpness, self.rounding)
         posed = pair[1] if self.plane else pair
         found = {name: np.full((n, 3), np.nan) for name in ("normal", "image", "moved")}
         found |= {name: getattr(self, name).copy() for name in ("where", "force", "body")}
@@ -411,17 +415,20 @@ def drawn_touch(seed: int) -> Touch:
         Arrays(*edge(), np.zeros((1, 3))),
         np.column_stack([rng.uniform(-1e-3, 1e-3, (2, 2)), rng.uniform(-1e-3, 1.5e-3, 2)]),
         float(rng.choice([1.0 / 3.0, 0.6, 1.0])),
+        float(rng.choice([0.0, 0.5e-3])),
         int(rng.integers(1, 3)),
     )
 
 
-def posed_pair(own: Any, solid: Arrays, poses: Array, sharpness: float) -> ctypes.Array[records.PosedRecord]:
-    """Return the records of a body and of a rough and soft plane below it."""
+def posed_pair(
+    own: Any, solid: Arrays, poses: Array, sharpness: float, rounding: float
+) -> ctypes.Array[records.PosedRecord]:
+    """Return the records of a body and of a rough and soft plane or disc below it."""
     assert not any(solid.call(own))
     _, body, _ = solid.records()
     turn = {"rotation": np.eye(3), "side": 1.0}
     edge = filled(records.PosedRecord, body=body, translation=poses[0], sharpness=sharpness, **turn)
-    soft = {"sharpness": 1.0 / 3.0, "friction": 0.7, "softness": 1e-9}
+    soft = {"sharpness": 1.0 / 3.0, "friction": 0.7, "softness": 1e-9, "radius": 2e-3, "rounding": rounding}
     plane = filled(records.PosedRecord, plane=[0.0, 0.0, 1.0, -2e-3], translation=poses[1], **soft, **turn)
     pair = (records.PosedRecord * 2)(edge, plane)
     pair.kept = edge.kept  # the array copies addresses alone

@@ -61,7 +61,7 @@ def test_avx2_changes_no_byte() -> None:
 def test_on_a_plane_alone_the_gap_is_exact_and_the_forces_are_those_of_the_sweeps(seed: int) -> None:
     """Nothing turns there: the problem is the one with fixed normals, which has friction and softness too."""
     own = opened(library.kernels().path)
-    touch = replace(drawn_touch(seed), bodies=1, plane=True)
+    touch = replace(drawn_touch(seed), bodies=1, rounding=0.0, plane=True)
     touch.limit, touch.tolerance, touch.most = 1.0, 1e-9, 10000
     assert touch.call(own) == [records.DONE] * 2
     found, n = touch.called[1].kept, len(touch.points)

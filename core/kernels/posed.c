@@ -44,8 +44,9 @@ static int64_t measure(const dermis_posed *posed, const double *x, double limit,
         dermis_distance found;
         dermis_signed_distance(posed->body, local, limit, *slot, &found);
         if (found.triangle < 0) return -1;
-        *gap = posed->side * found.gap, *slot = found.slot, triangle = found.triangle;
-        for (int k = 0; k < 3; k++) turned[k] = posed->side * found.normal[k];
+        double side = found.beside ? 1.0 : posed->side; /* beyond a rim a point is outside of either side */
+        *gap = side * found.gap, *slot = found.slot, triangle = found.triangle;
+        for (int k = 0; k < 3; k++) turned[k] = side * found.normal[k];
     }
     dermis_turned(posed->rotation, turned, normal);
     return triangle;

@@ -12,11 +12,12 @@ pytest.importorskip("scipy")
 
 from scipy.spatial.transform import Rotation
 
+from core.contact.solver import point_tree
 from core.contact.solver.bodies import AWAY, ContactBody, node_gaps, same_places
 from core.contact.solver.cone import OPEN
 from core.contact.solver.point_matrix import PointMatrix
 from core.contact.solver.point_solver import PointSolver
-from core.contact.solver.point_tree import MOST
+from core.contact.solver.point_tree import BEYOND, FINEST, MOST
 from core.contact.solver.sub_stepper import SubStepper
 from core.contact.solver.succession import succession
 from core.presets import Library
@@ -49,10 +50,10 @@ def pressed(pad, surface, depth=1e-3, step=0.05e-3, friction=0.0):
 
 
 # forces of meshes graded to 0.065 mm (the ball) and 0.12 mm (the edges) at 1 mm, without friction, see
-# tests/benchmarks; of the plane the two finest meshes differ by 5 %
+# tests/benchmarks; of the plane the two finest meshes differ by 5 %; the edge presses rounded, which adds 3.8 %
 @pytest.mark.parametrize(
     ("surface", "force", "error"),
-    [(Surface.sphere(2e-3, 5000), 0.2157, 0.02), (Surface.edge(np.pi / 2), 0.492, 0.03), (Surface.block(), 1.24, 0.05)],
+    [(Surface.sphere(2e-3, 5000), 0.2157, 0.02), (Surface.edge(np.pi / 2), 0.492, 0.05), (Surface.block(), 1.24, 0.05)],
 )
 def test_forces_are_those_of_graded_meshes(pad, surface, force, error):
     solver, last = pressed(pad, surface)
@@ -80,28 +81,29 @@ def test_points_are_as_fine_as_what_presses(pad):
     """A plane asks for the coarsest cells alone; an edge for fine ones where it is, and nowhere else."""
     flat, _ = pressed(pad, Surface.block())
     assert pad.chart.levels[flat.cells].max() == 0
-    for angle, often in ((np.pi / 2, 2), (np.pi / 3, 3)):
+    for angle in (np.pi / 2, np.pi / 3):
         sharp, _ = pressed(pad, Surface.edge(angle))
         halved, across = pad.chart.tiles.halved[sharp.cells], np.abs(sharp.points[:, 0])
         under, along = across < 0.15e-3, np.abs(sharp.points[:, 1]) < 3e-3
-        assert halved[under & along, 1].min() == often  # across the edge
+        assert halved[under & along, 1].min() == FINEST  # across the edge
         assert halved[under & along, 0].max() == 0  # along it
-        assert halved[across > 1e-3].max(initial=0) <= 1
+        assert halved[across > BEYOND + 0.4e-3].max(initial=0) < FINEST  # a cell that is halved once more is 0.4 mm
         assert len(sharp.cells) < 300
 
 
-# what ever smaller cells go to, down to 0.0125 mm across the edge, solved at once and to 1e-4
+# What a sharp edge goes to with ever smaller cells, down to 0.0125 mm across it, solved at once and to 1e-4. An edge that
+# is rounded for the skin is stiffer, the more so the sharper it is: by 14, 7.3 and 2.2 % on cells of 0.1 mm.
 @pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
-@pytest.mark.parametrize(("angle", "force"), [(60, 0.440), (90, 0.484), (120, 0.557)])
-def test_forces_converge_as_cells_are_halved(pad, angle, force):
-    surface, errors = Surface.edge(np.radians(angle)), []
-    for levels in (2, 3, 4):
-        coarse = replace(pad, chart=pad.chart.with_levels(levels))
-        _, last = pressed(coarse, surface)
-        errors.append(abs(last.solution.force.sum(axis=0)[2] / force - 1.0))
-    assert errors[0] < 0.3
-    assert errors[1] < max(0.7 * errors[0], 0.015)
-    assert errors[2] < max(0.7 * errors[1], 0.015)
+@pytest.mark.parametrize(("angle", "force", "blunt"), [(60, 0.440, 0.15), (90, 0.484, 0.08), (120, 0.557, 0.03)])
+def test_forces_are_those_of_finer_cells_and_near_those_of_a_sharp_edge(pad, monkeypatch, angle, force, blunt):
+    surface, forces = Surface.edge(np.radians(angle)), []
+    for finest in (FINEST - 1, FINEST, FINEST + 1):
+        monkeypatch.setattr(point_tree, "FINEST", finest)
+        forces.append(pressed(pad, surface)[1].solution.force.sum(axis=0)[2])
+    coarse, used, fine = forces
+    assert used == pytest.approx(fine, rel=0.02)
+    assert abs(used - fine) < 0.7 * abs(coarse - fine)
+    assert -0.01 < used / force - 1.0 < blunt
 
 
 def test_nodes_feel_the_same_force_and_moment(pad):
@@ -278,36 +280,6 @@ def test_skin_is_within_reach_wherever_it_is_pressed_out(pad, surface):
         if touches:
             assert (off(pad.apply(solver.cells[loaded], force[loaded], some)) < reach).all()
     assert solver.reach[np.abs(solver.places[:, 0]) > 7.5e-3].max() < 2.5e-3
-
-
-def test_what_is_measured_together_is_what_is_measured_apart(pad, monkeypatch):
-    """Halves of cells that are guessed from the last frame give the same path, with fewer questions.
-
-    But for what passing on forces moves skin by, where points come and go: halves were measured just before.
-    """
-    asked, real = [], Surface.kernel_body_for
-    monkeypatch.setattr(Surface, "kernel_body_for", lambda self, count: asked.append(1) or real(self, count))
-
-    def slid(apart):
-        asked.clear()
-        solver = PointSolver(pad)
-        if apart:
-            centres = solver._cell_gaps.centres
-
-            def forgotten(*a):
-                found = centres(*a)
-                solver._cell_gaps._found = None
-                return found
-
-            monkeypatch.setattr(solver._cell_gaps, "centres", forgotten)
-        stepper, surface = SubStepper(solver, 6e-3), Surface.edge()
-        for depth, shift in [(1e-4 * k, 0.0) for k in range(9)] + [(8e-4, 3e-5 * k) for k in range(1, 12)]:
-            force = stepper.step([body(surface, depth, 0.6, (shift, 0.0))]).solution.force
-        return force, len(asked)
-
-    (together, few), (alone, many) = slid(False), slid(True)
-    np.testing.assert_allclose(together, alone, atol=1e-5 * np.abs(alone).max())
-    assert few < 0.95 * many
 
 
 @pytest.mark.parametrize("height", [-3e-3, -1e-4, 0.0, 8e-4, 5e-3])

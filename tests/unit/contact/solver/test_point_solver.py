@@ -91,8 +91,8 @@ def test_points_are_as_fine_as_what_presses(pad):
         assert len(sharp.cells) < 300
 
 
-# What a sharp edge goes to with ever smaller cells, down to 0.0125 mm across it, solved at once and to 1e-4. An edge that
-# is rounded for the skin is stiffer, the more so the sharper it is: by 14, 7.3 and 2.2 % on cells of 0.1 mm.
+# What a sharp edge goes to with ever smaller cells, down to 0.0125 mm across it, solved at once and to 1e-4. An edge
+# that is rounded for the skin is stiffer, the more so the sharper it is: by 14, 7.3 and 2.2 % on cells of 0.1 mm.
 @pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @pytest.mark.parametrize(("angle", "force", "blunt"), [(60, 0.440, 0.15), (90, 0.484, 0.08), (120, 0.557, 0.03)])
 def test_forces_are_those_of_finer_cells_and_near_those_of_a_sharp_edge(pad, monkeypatch, angle, force, blunt):

@@ -29,8 +29,7 @@ Array = NDArray[np.float64]
 class Solid(Plane):
     """A solid by its signed distance; its top is at the origin, +Z out of it.
 
-    Points of the smooth skin are chosen by a mesh of it, or of its upper side alone, 60 mm wide: forces come of the
-    distance alone.
+    Nodes meet the distance itself. Points of the smooth skin meet a mesh of it, or of its upper side alone, 60 mm wide.
     """
 
     def __init__(
@@ -41,7 +40,7 @@ class Solid(Plane):
 
     @cached_property
     def mesh(self) -> Surface:
-        """The mesh that points are chosen by."""
+        """The mesh that points of the smooth skin meet."""
         if self.made is not None:  # type: ignore[attr-defined]
             return self.made()  # type: ignore[attr-defined, no-any-return]
         side = 1e-3 * np.concatenate([np.arange(-30, -12, 2), np.linspace(-12, 12, 161), np.arange(14, 31, 2)])
@@ -124,7 +123,20 @@ def edge(rounding: float = 0.5e-3, half_angle: float = np.pi / 4) -> Solid:
         normal[:, 2] = np.where(round_part, v[:, 2] / safe, s)
         return gap, normal
 
-    return Solid(distance)
+    return Solid(distance, lambda: wedge(rounding, half_angle))
+
+
+def wedge(rounding: float, half_angle: float, facets: int = 64) -> Surface:
+    """Return the upper side of a wedge along X with a rounded edge of so many facets, which are not felt."""
+    turn = np.linspace(half_angle - np.pi / 2, np.pi / 2 - half_angle, facets + 1)
+    arc = rounding * np.column_stack([np.sin(turn), np.cos(turn) - 1.0])
+    flank = 0.03 * np.array([np.sin(half_angle), -np.cos(half_angle)])
+    profile = np.vstack([arc[0] + flank * [-1, 1], arc, arc[-1] + flank])
+    count = len(profile)
+    corners = np.vstack([np.column_stack([np.full(count, x), profile]) for x in (-0.03, 0.03)])
+    i = np.arange(count - 1)
+    faces = np.vstack([np.column_stack([i, i + count, i + 1]), np.column_stack([i + 1, i + count, i + count + 1])])
+    return Surface.build(corners, faces)
 
 
 def rim(radius: float = 35e-3, thickness: float = 1.5e-3) -> Solid:

@@ -48,37 +48,27 @@ PLANE: Values = {**EDGE, "shape": "block", "tilt": 0.0, "roll": 0.0, "devices": 
 # Slow, so that samples between two that are solved are on a line.
 BALL: Values = {**EDGE, "shape": "ball_12", "speed": 0.02, "depth": 0.8e-3, "slide": 1.5e-3}
 WORSE = 1.2
-# What is shown today, of the invariances that are not kept; on the edge, but strides on the ball. Rounding decides in
-# which of several solutions contact ends, so each is the largest of twelve: x moved by 0 to 5e-12 m, and the BLAS
-# kernels of two processors (OPENBLAS_CORETYPE Haswell and Sandybridge).
+# What is shown today, of the invariances that are not kept; on the edge, but strides on the ball. Each is the largest
+# of three: x moved by 0 to 5e-12 m, and the BLAS kernels of two processors (OPENBLAS_CORETYPE Haswell and Sandybridge).
 TODAY: dict[str, dict[str, float]] = {
     "strides": {
-        "force": 0.00388,
-        "torque": 0.0055,
-        "nodal": 0.00694,
-        "stress": 0.0169,
-        "pins": 0.00982,
-        "thimble": 0.000596,
+        "force": 0.00421,
+        "torque": 0.00919,
+        "nodal": 0.00766,
+        "stress": 0.00656,
+        "pins": 0.00636,
+        "thimble": 0.00168,
     },
-    "shifted": {"force": 0.164, "torque": 0.186, "nodal": 0.279, "stress": 0.715, "pins": 1.0, "thimble": 0.139},
-    "pace": {"force": 0.107, "torque": 0.204, "nodal": 0.182, "stress": 0.381},
-    "span": {"force": 0.199, "torque": 0.301, "nodal": 0.341, "stress": 0.875},
-    "seam": {"force": 0.389, "torque": 0.307, "nodal": 0.563, "stress": 0.377, "pins": 1.0, "thimble": 0.160},
-    "mirrored": {"force": 0.185, "torque": 0.285, "nodal": 0.243, "stress": 0.315},
-    "rate": {"force": 0.11, "torque": 0.304, "nodal": 0.195, "stress": 0.511, "pins": 0.905, "thimble": 0.042},
-    "rates": {"force": 0.905, "torque": 0.846, "nodal": 0.98, "stress": 0.883, "pins": 1.0, "thimble": 0.141},
-    "back": {"force": 0.388, "torque": 0.419, "nodal": 0.563, "stress": 0.683},
-    "slid": {"force": 0.15, "torque": 0.179, "nodal": 0.252, "stress": 0.438},
-    "press": {"force": 0.21, "torque": 0.262, "nodal": 0.287, "stress": 0.224},
-    "work": {"work": 0.598},
-    "gradient": {"gradient": 0.578},
+    "pace": {"force": 0.000612, "torque": 0.00115, "nodal": 0.00182, "stress": 0.000427},
+    "mirrored": {"force": 0.000623, "torque": 0.00173, "nodal": 0.00201, "stress": 0.00495},
 }
 # The same on the plane, where bounds are tight enough to notice a mistake in what is judged.
 ON_PLANE: dict[str, dict[str, float]] = {
-    "mirrored": {"force": 7.85e-05, "torque": 0.000177, "nodal": 0.00105, "stress": 0.00311},
-    "pace": {"force": 0.0004, "torque": 0.000741, "nodal": 0.00334, "stress": 0.00276},
-    "seam": {"force": 0.0026, "torque": 0.00223, "nodal": 0.0413, "stress": 0.145},
+    "mirrored": {"force": 7.61e-05, "torque": 0.000174, "nodal": 0.00105, "stress": 0.00311},
+    "pace": {"force": 0.000399, "torque": 0.000739, "nodal": 0.00334, "stress": 0.00275},
 }
+# Judged on the plane as well. Strides are taken on the ball alone: the plane is gone over too fast.
+PLANES = ("shifted", "seam", "pace", "span", "mirrored", "rate", "rates", "back", "slid", "press", "work", "gradient")
 BY_NAME = {family.name.partition("_")[2]: family for family in FAMILIES}
 WAYS = ("back", "slid", "work", "gradient")  # that are gone without friction
 
@@ -110,11 +100,8 @@ def test_what_matters_yet_does_not_matter_more(name: str, on_plane: bool) -> Non
     assert all(value <= WORSE * bound for value, bound in worse.values()), worse
 
 
-# Strides are taken on the ball alone: the plane is gone over too fast.
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[MISSED] * (name in ON_PLANE)) for name in TODAY if name != "strides"]
-)
-def test_a_plane_keeps_what_an_edge_does_not(name: str) -> None:
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[MISSED] * (name in ON_PLANE)) for name in PLANES])
+def test_it_does_not_matter_on_a_plane_either(name: str) -> None:
     assert not judged(name, on_plane=True).missed, judged(name, on_plane=True).measured
 
 

@@ -12,16 +12,20 @@
 #include "posed.h"
 
 #define LOOKS 10
-/* SHARE: of a point's way that its normal follows in a visit; with all of it, normals turn back and forth.
+/* SHARE: of a point's way that its normal follows in a visit; with all of it, normals turn back and forth. Where a normal
+   does so yet, its share is halved, and grows by GROW otherwise. Below LEAST the normal is kept.
    TRUST: way since the last look after which a point looks again within the sweeps [m].
-   STILL, FLAT: way after which it looks again between the sweeps, where its normal turns and where it does not [m].
+   STILL, FLAT: way after which it looks again in the last round and between rounds, where its normal turns and where it
+   does not [m]. OFF: turn that a normal may be behind.
    CLEAR: gap above which a point without force is not visited [m]. */
 #define SHARE 0.5
+#define GROW 1.1
+#define LEAST 0.02
 #define TRUST 0.05e-3
 #define STILL 3e-7
 #define FLAT 0.02e-3
 #define CLEAR 0.05e-3
-#define LONG 200 /* sweeps of a round after which planes are kept: points between two edges may look at either in turn */
+#define LONG 40 /* sweeps of a round after which normals turn in part: points between two faces may look at either in turn */
 #define FAR 0.2e-3
 #define ROUND 0.34 /* share of the lift below which one place is enough */
 
@@ -35,6 +39,7 @@ typedef struct {
     int64_t flat;                             /* 1: the normal does not turn */
     double own[9];                            /* compliance of the point to its own force */
     int64_t rough;                            /* 1: the point is far, and looked but once */
+    double share, turned[3];                  /* of a turn that the normal follows, and its last turn */
 } view;
 
 static void nothing(dermis_touch *t, view *v, int64_t i) {
@@ -181,25 +186,39 @@ static void relative(const dermis_touch *t, const view *v, int64_t i, double *w)
     for (int k = 0; k < 3; k++) w[k] += (gap - slip) * n[k];
 }
 
-/* Let the normal follow the point. */
-static void follow(dermis_touch *t, view *v, int64_t i, double trust) {
-    double way[3];
+/* Let a normal that turned at the last look follow in part.
+
+   Where it turns back and forth, it follows half as much each time: between two faces it comes to rest where the
+   forces along both balance. */
+static void turn_in_part(dermis_touch *t, view *v, int64_t i, const double *before) {
+    double change[3];
+    for (int k = 0; k < 3; k++) change[k] = v->plane[k] - before[k];
+    v->share = dermis_dot(change, v->turned) < 0.0 ? 0.5 * v->share : dermis_least(SHARE, GROW * v->share);
+    for (int k = 0; k < 3; k++) v->plane[k] = before[k] + v->share * change[k], v->turned[k] = change[k];
+    double length = dermis_root(dermis_dot(v->plane, v->plane));
+    for (int k = 0; k < 3; k++) t->normal[3 * i + k] = v->normal[k] = v->plane[k] /= length;
+}
+
+/* Let the normal follow the point.
+
+   trust: way since the last look after which the point looks again [m]. calm: 1: it turns in part. */
+static void follow(dermis_touch *t, view *v, int64_t i, double trust, int calm) {
+    double way[3], before[3];
     way_of(t, i, way);
     if (trust <= STILL && dermis_dot(way, way) <= trust * trust) return;
-    for (int k = 0; k < 3; k++) v->at[k] += SHARE * (way[k] - v->at[k]);
-    if (trust <= STILL) trust = 0.0;
-    if (dermis_dot(v->at, v->at) > trust * trust) {
-        for (int k = 0; k < 3; k++) t->where[3 * i + k] += v->at[k];
-        look(t, v, i, 1);
-    } else if (trust > STILL) {
+    if (calm && v->share < LEAST) return;
+    for (int k = 0; k < 3; k++) v->at[k] += SHARE * (way[k] - v->at[k]), before[k] = v->plane[k];
+    if (trust > STILL && dermis_dot(v->at, v->at) <= trust * trust) {
         turn(t, v, i);
-    } else {
-        for (int k = 0; k < 3; k++) v->at[k] = 0.0; /* the plane of the last look */
+        return;
     }
+    for (int k = 0; k < 3; k++) t->where[3 * i + k] += v->at[k];
+    look(t, v, i, 1);
+    if (calm && t->body[i] >= 0) turn_in_part(t, v, i, before);
 }
 
 /* Improve the force on a point while all others are fixed; return the squared change. */
-static double visit(dermis_touch *t, view *v, int64_t i, double trust) {
+static double visit(dermis_touch *t, view *v, int64_t i, double trust, int calm) {
     double *force = t->force + 3 * i, found[3] = {0.0, 0.0, 0.0}, change[3], w[3];
     int loaded = force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0;
     if (!loaded) {
@@ -208,7 +227,7 @@ static double visit(dermis_touch *t, view *v, int64_t i, double trust) {
         if (dermis_dot(w, v->plane) > CLEAR) return 0.0;
     }
     if (v->rough && t->body[i] >= 0) look(t, v, i, 1);
-    if (t->body[i] >= 0 && trust > 0.0) follow(t, v, i, trust);
+    if (t->body[i] >= 0 && trust > 0.0) follow(t, v, i, trust, calm);
     if (t->body[i] >= 0) {
         const double *n = v->plane;
         double own = 0.0, normal = 0.0, soft = soft_of(t, i), cn[3];
@@ -309,6 +328,10 @@ static void solve(dermis_touch *t, view *views) {
     for (int round = 0; round < 4 && t->sweeps < t->most; round++) {
         double goal = round < 2 ? 3e-3 : round == 2 ? 1e-3 : t->tolerance, trust = round == 0 ? 0.0 : round < 3 ? TRUST : STILL;
         if (round > 0) look_again(t, views);
+        for (int64_t i = 0; i < n; i++) {
+            views[i].share = SHARE;
+            for (int k = 0; k < 3; k++) views[i].turned[k] = 0.0;
+        }
         assess(t, views);
         double still = goal, nearest = __builtin_inf();
         past last = {3 * n, 0, t->work, 0.0};
@@ -316,10 +339,9 @@ static void solve(dermis_touch *t, view *views) {
         while (t->sweeps < t->most && t->residual > goal) {
             double change = 0.0, size = 0.0;
             for (int64_t k = 0; k < 3 * n; k++) before[k] = t->force[k];
-            for (int64_t i = 0; i < n; i++) visit(t, views + i, i, trust);
-            for (int64_t i = n - 1; i >= 0; i--) change += visit(t, views + i, i, trust);
+            for (int64_t i = 0; i < n; i++) visit(t, views + i, i, trust, in_round > LONG);
+            for (int64_t i = n - 1; i >= 0; i--) change += visit(t, views + i, i, trust, in_round > LONG);
             t->sweeps += 2, in_round += 2;
-            if (in_round > LONG) trust = 0.0;
             for (int64_t k = 0; k < 3 * n; k++) size += t->force[k] * t->force[k];
             if (change > still * still * size) {
                 if (trust == TRUST) continue; /* normals turn: no acceleration */

@@ -38,7 +38,7 @@ from .solve import Solution
 # SPREAD: distance along both sides of a cell at which a point looks as well [m].
 LIFT, RATIO, SPREAD = 0.3e-3, 6.0, 0.25e-3
 MOST_SWEEPS = 1000  # over all points in one frame
-ROOM = 33  # numbers of a point in the kernel's workspace
+ROOM = 37  # numbers of a point in the kernel's workspace
 LOOKS = 10  # of a point, each with a hint
 
 

@@ -1,14 +1,21 @@
-"""Roundness of a triangle surface: the radius of its sharpest convex bend."""
+"""Roundness of a triangle surface: the radius of its sharpest convex bend.
+
+It is that of the shape, however its flat faces are cut into triangles.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..arrays import Array, Indices
 from .topology import BOUNDARY, Topology
 from .triangles import TriangleTable
 
 # Two faces form an edge if their normals differ by more than this [rad]; below it they approximate a curved surface.
 EDGE = 0.5
+FLAT = 1e-4  # triangles whose normals differ by less are parts of one flat face [rad]
+ROUNDING = 1e-15  # of a coordinate, over the largest: normals of triangles so thin that it turns them more are not used
+ONCE = 2_000_000  # distances that are computed at once
 
 
 def roundness(table: TriangleTable, topology: Topology) -> float:
@@ -21,22 +28,95 @@ def roundness(table: TriangleTable, topology: Topology) -> float:
     usable = table.usable
     if (usable[:, None] & (topology.edge_kind == BOUNDARY)).any():
         return 0.0
-    a, ab, ac = (table.rows[k : k + 3].T for k in (0, 3, 6))
-    normals, across = table.bounds[3:6].T, topology.across
-    lengths = np.sqrt(np.maximum(table.rows[[9, 11, 10]].T, 1e-300))
-    heights = np.sqrt((np.cross(ab, ac) ** 2).sum(axis=1))[:, None] / lengths  # above each edge
-    middles = a + (ab + ac) / 3.0
+    across = topology.across
+    normals = _normals(table, across)
+    middles = table.rows[:3].T + (table.rows[3:6].T + table.rows[6:9].T) / 3.0
     known = (across >= 0) & usable[:, None] & usable[across]
     triangle, edge = known.nonzero()
     other = across[triangle, edge]
-    way = middles[other] - middles[triangle]
-    convex = (way * normals[triangle]).sum(axis=1) < 0.0
-    triangle, edge, other, way = triangle[convex], edge[convex], other[convex], way[convex]
-    if not len(triangle):
+    turn = np.arccos(np.clip((normals[triangle] * normals[other]).sum(axis=1), -1.0, 1.0))
+    below = ((middles[other] - middles[triangle]) * normals[triangle]).sum(axis=1) < 0.0
+    bent = turn > FLAT
+    convex = bent & below
+    if not convex.any():
         return float("inf")
-    cosine = np.clip((normals[triangle] * normals[other]).sum(axis=1), -1.0, 1.0)
-    turn = np.arccos(cosine)
+    if (turn[convex] > EDGE).any():
+        return 0.0
+    face = _faces(len(usable), triangle[~bent], other[~bent])
+    widths = _widths(table, normals, face, triangle[bent], edge[bent])
+    here = np.full(across.shape, np.nan)
+    here[triangle[bent], edge[bent]] = widths
+    triangle, edge, other, turn = triangle[convex], edge[convex], other[convex], turn[convex]
     back = (across[other] == triangle[:, None]).argmax(axis=1)
-    apart = (heights[triangle, edge] + heights[other, back]) / 3.0  # of the middles, across the edge
-    radius = np.where(turn > EDGE, 0.0, apart / np.maximum(turn, 1e-9))
-    return float(radius.min())
+    apart = (here[triangle, edge] + here[other, back]) / 3.0  # of the faces' middles, across the edge
+    return float((apart / turn).min())
+
+
+def _normals(table: TriangleTable, across: Indices) -> Array:
+    """Return unit normals, shape (T, 3): those of the thinnest triangles are taken from beyond their longest sides."""
+    normals, lengths = table.bounds[3:6].T, np.sqrt(table.rows[[9, 11, 10]].T)
+    size = float(np.abs(table.rows[:3]).max(initial=0.0))
+    area = np.sqrt((np.cross(table.rows[3:6].T, table.rows[6:9].T) ** 2).sum(axis=1))
+    left = (table.usable & (area * FLAT < ROUNDING * size * lengths.max(axis=1))).nonzero()[0]
+    if not len(left):
+        return normals
+    normals, sure = normals.copy(), table.usable.copy()
+    sure[left] = False
+    while len(left):
+        beside = across[left]
+        reach = np.where((beside >= 0) & sure[beside], lengths[left], -1.0)
+        best = reach.argmax(axis=1)
+        found = reach.max(axis=1) > 0.0
+        if not found.any():
+            break
+        normals[left[found]] = normals[beside[found, best[found]]]
+        sure[left[found]] = True
+        left = left[~found]
+    return normals
+
+
+def _faces(count: int, one: Indices, other: Indices) -> Indices:
+    """Return the index of each triangle's flat face, shape (count,), from pairs of triangles in one face."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    pairs = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(count, count))
+    return np.asarray(connected_components(pairs, directed=False)[1], dtype=np.int64)
+
+
+def _widths(table: TriangleTable, normals: Array, face: Indices, triangle: Indices, edge: Indices) -> Array:
+    """Return how far flat faces reach from their edges [m], shape (n,).
+
+    Args:
+        table: triangles of the surface.
+        normals: their unit normals, shape (T, 3). face: index of each triangle's face, shape (T,).
+        triangle, edge: all edges of the faces, each by a triangle and its edge, shape (n,).
+    """
+    a, ab, ac = (table.rows[k : k + 3].T for k in (0, 3, 6))
+    area = np.sqrt((np.cross(ab[triangle], ac[triangle]) ** 2).sum(axis=1))
+    widths: Array = area / np.sqrt(np.maximum(table.rows[[9, 11, 10]].T[triangle, edge], 1e-300))
+    more = (np.bincount(face)[face[triangle]] > 1).nonzero()[0]  # of faces that are not one triangle
+    if not len(more):
+        return widths
+    triangle, edge = triangle[more], edge[more]
+    corners = np.stack([a, a + ab, a + ac], axis=1)
+    start, along = corners[triangle, edge], corners[triangle, (edge + 1) % 3] - corners[triangle, edge]
+    inward = np.cross(normals[triangle], along)
+    inward /= np.sqrt(np.maximum((inward**2).sum(axis=1), 1e-300))[:, None]
+    rim = np.unique(triangle)  # a face's farthest corner is on its rim
+    rim = rim[np.argsort(face[rim], kind="stable")]
+    first, after = (np.searchsorted(face[rim], face[triangle], side) for side in ("left", "right"))
+    many, out = after - first, np.empty(len(triangle))
+    ends = np.cumsum(many)
+    low = 0
+    while low < len(out):
+        high = max(low + 1, int(np.searchsorted(ends, (ends[low - 1] if low else 0) + ONCE, "right")))
+        some = slice(low, high)
+        begin = ends[some] - many[some] - (ends[low] - many[low])
+        edges = np.repeat(np.arange(low, high), many[some])
+        others = rim[np.arange(len(edges)) - np.repeat(begin - first[some], many[some])]
+        reach = np.einsum("nci,ni->nc", corners[others] - start[edges][:, None], inward[edges]).max(axis=1)
+        out[some] = np.maximum.reduceat(reach, begin)
+        low = high
+    widths[more] = out
+    return widths

@@ -1,0 +1,51 @@
+"""The radius of the sharpest bend: of a shape, whatever its triangles are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.surface import shapes
+from core.surface.gap import Surface
+from core.surface.roundness import roundness
+from tests.stress.bodies import split
+from tests.stress.solids import parts_of
+
+pytest.importorskip("scipy")
+
+
+def of(vertices: np.ndarray, triangles: np.ndarray) -> float:
+    return Surface.build(vertices, triangles).roundness
+
+
+@pytest.mark.parametrize("facets", [80, 320, 5120])
+def test_a_ball_is_as_round_as_its_radius_and_in_proportion_to_its_size(facets: int) -> None:
+    vertices, triangles = shapes.sphere(8e-3, facets)
+    assert 0.85 * 8e-3 < of(vertices, triangles) <= 8e-3
+    assert of(0.1 * vertices, triangles) == pytest.approx(0.1 * of(vertices, triangles), rel=1e-9)
+
+
+@pytest.mark.parametrize("facets", [80, 320, 1280])
+def test_slivers_in_its_facets_change_nothing(facets: int) -> None:
+    vertices, triangles = shapes.sphere(8e-3, facets)
+    cut = split(vertices, triangles, 300, np.random.default_rng(facets))
+    assert of(*cut) == pytest.approx(of(vertices, triangles), rel=1e-6)
+
+
+def test_many_distances_are_computed_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    cut = split(*shapes.sphere(8e-3, 320), 300, np.random.default_rng(0))
+    whole = of(*cut)
+    monkeypatch.setattr("core.surface.roundness.ONCE", 7)
+    surface = Surface.build(*cut)
+    assert roundness(surface.table, surface.topology) == whole
+
+
+@pytest.mark.parametrize("name", ["edge_60", "edge_120", "block", "coin", "ribs"])
+def test_what_has_an_edge_is_not_round(name: str) -> None:
+    assert all(of(part.vertices, part.triangles) == 0.0 for part in parts_of(name))
+
+
+def test_an_open_sheet_has_a_rim_and_a_hollow_has_no_convex_bend() -> None:
+    vertices, triangles = shapes.sphere(8e-3, 320)
+    assert of(vertices, triangles[1:]) == 0.0
+    assert of(vertices, triangles[:, ::-1]) == np.inf

@@ -8,6 +8,8 @@
 #include "numbers.h"
 #include "posed.h"
 
+#define ROUND 0.34 /* a body with less sharpness has no edges, see posed_records.py */
+
 /* Return the index of a cell by its root, numbers of halvings and position, like `Tiles.find` in core/skin/tiles.py. */
 static int64_t find(const dermis_survey *s, int64_t root, const int64_t *halved, const int64_t *place) {
     int64_t a = halved[0], b = halved[1], first = s->first[a * s->levels + b];
@@ -130,6 +132,21 @@ static int64_t leaning_of(const dermis_survey *s, int64_t cell, const footprint 
     return way;
 }
 
+/* Whether a body with edges is closest to the centre, or within the farthest of the `count` test points of it. */
+static int edges_near(const dermis_survey *s, const double *at, const double *inward, const double *corners, int count, const dermis_sight *middle) {
+    double radius = 0.0;
+    if (middle->body < 0 || s->posed[middle->body].sharpness >= ROUND) return 1;
+    for (int corner = 0; corner < count; corner++) radius = dermis_most(radius, dermis_dot(corners + 3 * corner, corners + 3 * corner));
+    radius = dermis_root(radius);
+    for (int64_t b = 0; b < s->bodies; b++) {
+        dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1};
+        if (s->posed[b].sharpness < ROUND) continue;
+        dermis_look(s->posed + b, 1, radius, s->limit, at, inward, &sight);
+        if (sight.body >= 0 && sight.gap < radius) return 1;
+    }
+    return 0;
+}
+
 /* Return the direction in which a cell is divided, 0 for none.
 
    The first four test points show whether the body is curved at the cell itself. The second four are farther out: they
@@ -147,7 +164,9 @@ static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, co
     for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of.gap[corner]);
     if (nearest >= s->limits[cell]) return 0;
     int64_t way = apart(&of) > s->turned || bent(&of) > s->bent ? leaning_of(s, cell, &of) : 0;
-    if (middle->body >= 0 && s->bodies == 1 && s->posed[0].sharpness < 0.34) return some[way]; /* it has no edges */
+    double inward[3];
+    for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
+    if (!edges_near(s, at, inward, corners, 8, middle)) return some[way];
     look_about(s, cell, corners + 12, *middle, &of);
     if (apart(&of) > s->edge) way |= leaning_of(s, cell, &of);
     return some[way];

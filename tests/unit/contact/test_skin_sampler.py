@@ -11,6 +11,7 @@ import pytest
 from core.contact.skin_sampler import SkinSampler
 from core.errors import DermisError
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
+from core.skin.surface_store import smooth_pad
 
 BOX = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], dtype=float)
 FACES = np.array(
@@ -253,14 +254,23 @@ def test_a_pose_that_stays_is_not_solved_again(skin):
 
 
 def test_what_is_dragged_over_an_edge_is_no_deeper_for_it(skin):
-    """A roof across the pad, 1 mm in it, is drawn along: skin that it drags goes far beyond the face that it is on."""
+    """A roof across the pad, 1 mm in it, is drawn along: skin that it drags goes far beyond the face that it is on.
+
+    Towards its end the pad rises above the roof's edge, which is then half as deep in it.
+    """
     top, low = 0.005, -0.015
     corners = np.array([[x, y, z] for x in (-0.02, 0.02) for y, z in ((-0.017, low), (0.017, low), (0.0, top))])
     faces = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [2, 0, 3], [2, 3, 5], [0, 2, 1], [3, 4, 5]])
     roof = Body("roof", Mesh(corners, faces.astype(np.int32)), {"friction": 0.9})
-    along = poses(press_and_slide(depth=1e-3)[:, [1, 0, 2]])
-    got = felt(skin, along, still(40), body=roof, parameters={"contact": "points"})
-    assert (np.abs(got.depth[19:] - 1e-3) < 0.5e-3).all() and not got.findings
+    way = press_and_slide(depth=1e-3)[:, [1, 0, 2]]
+    got = felt(skin, poses(way), still(40), body=roof, parameters={"contact": "points"})
+    pad = smooth_pad(skin)
+    assert pad is not None
+    points = pad.cells.positions
+    lowest = np.array([points[np.abs(points[:, 1] + y) < 0.3e-3, 2].min() for y in way[19:, 1]])
+    rises = top - way[19:, 2] - lowest  # of the edge above the skin at rest
+    assert rises[-1] < 0.6e-3 < 0.9e-3 < rises[0]
+    assert (np.abs(got.depth[19:] - rises) < 0.5e-3).all() and not got.findings
 
 
 def test_a_soft_object_takes_part_of_the_depth(reference, skin):

@@ -27,7 +27,6 @@
 #define CLEAR 0.05e-3
 #define LONG 40 /* sweeps of a round after which normals turn in part: points between two faces may look at either in turn */
 #define FAR 0.2e-3
-#define ROUND 0.34 /* share of the lift below which one place is enough */
 
 static const double PLACES[5][3] = {{1, 1, 1.0 / 6}, {1, -1, 1.0 / 6}, {-1, 1, 1.0 / 6}, {-1, -1, 1.0 / 6}, {0, 0, 2.0 / 6}};
 
@@ -77,10 +76,9 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
     int64_t *slots = t->slots + LOOKS * i, body = t->body[i];
     double share = sharpness_at(t, i), lift = share * t->lift[i], high = t->ratio, far = t->limit + high * lift;
     double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], nearest = __builtin_inf();
-    int least = share > ROUND ? 0 : 4;
     t->looks++, v->rough = 0;
-    for (int p = 4; p >= least; p--) {
-        double part = least == 4 ? 1.0 : PLACES[p][2];
+    for (int p = 4; p >= 0; p--) {
+        double part = PLACES[p][2];
         for (int k = 0; k < 3; k++) each[p][k] = 0.0;
         for (int above = 0; above < 2; above++) {
             double x[3], up = above ? high * lift : lift, weight = above ? -1.0 / (high - 1.0) : high / (high - 1.0);
@@ -115,7 +113,7 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
     }
     for (int k = 0; k < 3; k++) normal[k] = turn[k] / length;
     take_plane(t, v, i, gap / length, normal);
-    for (int a = 0; a < 2 && least == 0; a++) {
+    for (int a = 0; a < 2; a++) {
         double size = dermis_root(dermis_dot(spread + 3 * a, spread + 3 * a));
         for (int k = 0; k < 3; k++) {
             double more = a == 0 ? (each[0][k] + each[1][k]) - (each[2][k] + each[3][k]) : (each[0][k] + each[2][k]) - (each[1][k] + each[3][k]);
@@ -123,7 +121,7 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
             bent = dermis_most(bent, dermis_abs(more));
         }
     }
-    v->flat = least == 0 && bent < 1e-9;
+    v->flat = bent < 1e-9;
 }
 
 /* Set the plane of the gap at z. */

@@ -313,6 +313,22 @@ def test_a_finger_without_friction_that_slid_over_an_edge_is_as_one_that_was_pre
         assert np.linalg.norm(slid[k] - pressed) < most * np.linalg.norm(pressed)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
+def test_facets_of_a_ball_hold_no_finger_without_friction(pad):
+    """From one place a point felt every facet that came under it: 0.8 % of the force."""
+    ball, down, places = Surface.sphere(5e-3, 1280), np.arange(-0.1e-3, 0.76e-3, 0.05e-3), 0.04e-3 * np.arange(-2, 4)
+
+    def force(*ways):
+        solver = PointSolver(pad)
+        return [solver.step([body(ball, d, shift=(x, 0.0))]).solution.force.sum(axis=0) for x, d in ways]
+
+    start, along = [(places[0], d) for d in down], [(x, down[-1]) for x in (*places, *places[::-1])]
+    slid = force(*start, *along)[len(start) :]
+    for there, back, x in zip(slid[:6], slid[:5:-1], places, strict=True):
+        pressed = force(*((x, d) for d in down))[-1]
+        assert max(np.linalg.norm(there - pressed), np.linalg.norm(back - pressed)) < 4e-3 * np.linalg.norm(pressed)
+
+
 @pytest.mark.parametrize("there", [0.25e-3, 0.5e-3, 0.75e-3])
 def test_skin_that_slid_over_an_edge_comes_to_rest(pad, there):
     """What goes over an edge goes with it, and not back again when it stands."""

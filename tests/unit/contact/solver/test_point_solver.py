@@ -296,9 +296,9 @@ def test_the_smallest_gap_is_that_of_all_skin(pad, height):
 
 
 @pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
-@pytest.mark.parametrize(("angle", "most"), [(60, 0.35), (90, 0.25)])
-def test_a_finger_without_friction_that_slid_over_an_edge_is_as_one_that_was_pressed_there(pad, angle, most):
-    """Nothing remembers where it came from: the way back asks for as much. Cells that caught were 0.7 and 0.6 off."""
+@pytest.mark.parametrize("angle", [60, 90, 120])
+def test_a_finger_without_friction_that_slid_over_an_edge_is_as_one_that_was_pressed_there(pad, angle):
+    """Nothing remembers where it came from, on the way there and back."""
     surface = Surface.edge(np.radians(angle))
 
     def force(*ways):
@@ -310,7 +310,7 @@ def test_a_finger_without_friction_that_slid_over_an_edge_is_as_one_that_was_pre
     slid = force(*((0.0, d) for d in down), *((x, 1e-3) for x in along))[len(down) :]
     for k in (7, 11, 14, 22):
         pressed = force(*((along[k], d) for d in down))[-1]
-        assert np.linalg.norm(slid[k] - pressed) < most * np.linalg.norm(pressed)
+        assert np.linalg.norm(slid[k] - pressed) < 0.04 * np.linalg.norm(pressed)
 
 
 @pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")

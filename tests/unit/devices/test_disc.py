@@ -10,7 +10,7 @@ import pytest
 from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.point_solver import PointSolver
 from core.contact.solver.posed_records import ROUND
-from core.contact.solver.smooth_contact import LIFT, RATIO
+from core.contact.solver.smooth_contact import LIFT, RATIO, SPREAD
 from core.devices import disc as module
 from core.devices.disc import DiscContact
 from core.devices.disc_pose import Disc, FrictionState, placed
@@ -177,13 +177,19 @@ def test_far_away_nothing_is_felt(skin, device):
 
 
 def test_points_of_smooth_skin_find_the_gap_that_the_disc_has(device):
-    """The compiled look of a touch, against `query` at the two lifted places from which a touch looks."""
+    """The compiled look of a touch, against `query` at the lifted places from which a touch looks."""
     pad, disc = smooth_pad(fingertip_skin(level="draft")), disc_of(device)
     pose = placed(device, device.pose(np.array([0.25, -0.15, 0.0172])))
     solver = PointSolver(pad)
     found = solver.look([disc.body(pose, 0.3)])
     up = -pad.chart.cells.normals[solver.cells] * LIFT * ROUND
-    low, high = (disc.query((solver.points + k * up - pose.centre) @ pose.rotation).gap for k in (1.0, RATIO))
+    aside = ROUND * SPREAD * pad.chart.cells.sides[solver.cells]
+    aside /= np.linalg.norm(pad.chart.cells.sides[solver.cells], axis=2)[:, :, None]
+    low, high = np.zeros((2, len(up)))
+    for a, b, share in ((1, 1, 1 / 6), (1, -1, 1 / 6), (-1, 1, 1 / 6), (-1, -1, 1 / 6), (0, 0, 2 / 6)):
+        places = solver.points + a * aside[:, 0] + b * aside[:, 1] - pose.centre
+        low += share * disc.query((places + up) @ pose.rotation).gap
+        high += share * disc.query((places + RATIO * up) @ pose.rotation).gap
     near = found.body >= 0
     assert near.sum() > 20 and (disc.query((solver.points - pose.centre) @ pose.rotation).gap[near] > 0.0).any()
     expected = (RATIO * low - high) / (RATIO - 1.0)

@@ -25,7 +25,7 @@
 #define STILL 3e-7
 #define FLAT 0.02e-3
 #define CLEAR 0.05e-3
-#define LONG 40 /* sweeps of a round after which normals turn in part: points between two faces may look at either in turn */
+#define LONG 60 /* sweeps of a round after which normals turn in part: points between two faces may look at either in turn */
 #define FAR 0.2e-3
 
 static const double PLACES[5][3] = {{1, 1, 1.0 / 6}, {1, -1, 1.0 / 6}, {-1, 1, 1.0 / 6}, {-1, -1, 1.0 / 6}, {0, 0, 2.0 / 6}};

@@ -1,6 +1,6 @@
 /* Contact of points of smooth skin with bodies: gaps that follow the points, and forces that follow the gaps.
 
-   A point looks at the bodies from two places that are lifted into the finger, a lift and twice a lift away, and
+   A point looks at the bodies from two places that are lifted into the finger, a lift and `ratio` lifts away, and
    extrapolates both distances linearly to itself. On a plane this is the exact gap. At an edge, where the distance from
    the surface has a kink, the lifted places are outside the body, where distances are smooth. The mean over five places
    about the point limits how fast the gap turns from cell to cell; how the gradient differs between the places tells
@@ -10,6 +10,7 @@
 #include "kernels.h"
 #include "numbers.h"
 #include "posed.h"
+#include "rows.h"
 
 #define LOOKS 10
 /* SHARE: of a point's way that its normal follows in a visit; with all of it, normals turn back and forth. Where a normal
@@ -136,23 +137,6 @@ static void turn(const dermis_touch *t, view *v, int64_t i) {
     for (int k = 0; k < 3; k++) v->plane[k] /= length;
     v->gap = (gap + 0.5 * bend) / length;
 }
-
-/* Add three rows, each multiplied by a component of the force f, to an image.
-
-   The sums and their order are the same in registers of any width. */
-static inline __attribute__((always_inline)) void add_rows(int64_t size, const float *restrict a, int64_t stride, const double *f, double *restrict image) {
-    const float *restrict b = a + stride, *restrict d = b + stride;
-    double x = f[0], y = f[1], z = f[2];
-    for (int64_t k = 0; k < size; k++) image[k] += (x * (double)a[k] + y * (double)b[k]) + z * (double)d[k];
-}
-
-#if defined(__x86_64__)
-__attribute__((target("avx2"), noinline)) static void add_rows_avx2(int64_t size, const float *a, int64_t stride, const double *f, double *image) {
-    add_rows(size, a, stride, f, image);
-}
-#else
-#define add_rows_avx2 add_rows
-#endif
 
 static void move_all(dermis_touch *t, int64_t i, const double *f) {
     int64_t first = 3 * i * t->stride, n = 3 * t->count;

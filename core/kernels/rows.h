@@ -1,0 +1,24 @@
+/* Displacement for a force on one point, added to an image. For the library's own files only. */
+#ifndef DERMIS_ROWS_H
+#define DERMIS_ROWS_H
+
+#include "kernels.h"
+
+/* Add three rows, each multiplied by a component of the force f, to an image.
+
+   The sums and their order are the same in registers of any width. */
+static inline __attribute__((always_inline)) void add_rows(int64_t size, const float *restrict a, int64_t stride, const double *f, double *restrict image) {
+    const float *restrict b = a + stride, *restrict d = b + stride;
+    double x = f[0], y = f[1], z = f[2];
+    for (int64_t k = 0; k < size; k++) image[k] += (x * (double)a[k] + y * (double)b[k]) + z * (double)d[k];
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"), noinline)) static void add_rows_avx2(int64_t size, const float *a, int64_t stride, const double *f, double *image) {
+    add_rows(size, a, stride, f, image);
+}
+#else
+#define add_rows_avx2 add_rows
+#endif
+
+#endif

@@ -60,14 +60,21 @@ def beating() -> Iterator[list[tuple[float, Any]]]:
 
 @contextmanager
 def playback() -> Iterator[None]:
-    """Let Blender play meanwhile."""
-    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
-        bpy.ops.screen.animation_play()
+    """Let Blender play meanwhile.
+
+    It is stopped as it was started, as the space bar does: Blender 4.5 once died in `screen.animation_cancel`.
+    """
+    play()
     try:
         yield
     finally:
-        with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
-            bpy.ops.screen.animation_cancel()
+        play()
+
+
+def play() -> None:
+    """Start or stop Blender's playback."""
+    with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
+        bpy.ops.screen.animation_play()
 
 
 def a_bake_job(scene: Any, _folder: Path) -> None:

@@ -294,7 +294,7 @@ class Survey(Case):
     rounding: float
     alone: int
     limit, turned, edge, bent, corners, beyond = 2.5e-3, 0.3, 0.9, 0.04e-3, 0.75, 0.4e-3
-    beside, odd, above, deep, steep, coarsest, many = 0.35, 0.4, 3e-3, 0.02e-3, 0.3, 1, 450
+    beside, odd, above, deep, steep, coarsest, many, round = 0.35, 0.4, 3e-3, 0.02e-3, 0.3, 1, 450, 1.0 / 3.0
     results = "found", "finest"
 
     def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
@@ -351,7 +351,6 @@ class Touch(Case):
     points: Array
     inward: Array
     spread: Array
-    lift: Array
     areas: Array
     where: Array
     drag: Array
@@ -365,7 +364,7 @@ class Touch(Case):
     rounding: float
     bodies: int
     plane: bool = False
-    limit, ratio, tolerance, most, avx2 = 2.5e-3, 6.0, 1e-4, 60, 0
+    limit, lift, ratio, tolerance, most, avx2 = 2.5e-3, 0.3e-3, 6.0, 1e-4, 60, 0
     results = "residual", "sweeps", "looks"
 
     def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
@@ -376,7 +375,8 @@ class Touch(Case):
         found |= {name: getattr(self, name).copy() for name in ("where", "force", "body")}
         found |= {"clearance": np.full(n, np.nan), "triangle": np.full(n, -7), "status": np.full(n, -7, np.int8)}
         work = {"slots": np.full((n, LOOKS), -1), "room": np.full((n, ROOM), np.nan)}
-        work |= {"work": np.full((3 * records.KEPT + 4, n, 3), np.nan)}
+        work |= {"work": np.full((3 * records.KEPT + 7, n, 3), np.nan), "active": np.full(n, -1)}
+        work |= {"gathered": np.full((3 * n, 3 * n), np.nan, np.float32)}
         numbers = {"count": n, "stride": self.compliance.shape[1], "width": 8 * ROOM}
         look = filled(records.TouchRecord, self, posed=posed, compliance=None, **numbers, **found, **work)
         status = self._call(own.dermis_touch_points, look, **changed)
@@ -404,7 +404,6 @@ def drawn_touch(seed: int) -> Touch:
         np.column_stack([flat, 2.0 * (flat**2).sum(axis=1)]),
         -normals,
         spread,
-        np.full(n, 0.3e-3),
         10.0 ** rng.uniform(-8, -6, n),
         1e-4 * rng.normal(size=(n, 3)),
         1e-4 * rng.normal(size=(n, 3)) * (seed % 2),

@@ -112,12 +112,14 @@ static int may_be_inside(const dermis_body *body, const double *x, double limit)
 }
 
 int dermis_beyond(const dermis_body *body, const double *x, double limit) {
+    double square = 0.0, largest = 0.0;
     for (int64_t i = 0; i < body->slabs && i < BOX; i++) {
         const double *slab = body->slab + 5 * i;
-        double along = dermis_dot(x, slab), size = dermis_abs(slab[3]) + dermis_abs(slab[4]);
-        if (dermis_most(along - slab[4], slab[3] - along) > limit + SLACK * (limit + size)) return 1;
+        double along = dermis_dot(x, slab), over = dermis_most(dermis_most(along - slab[4], slab[3] - along), 0.0);
+        square += over * over, largest = dermis_most(largest, dermis_abs(slab[3]) + dermis_abs(slab[4]));
     }
-    return 0;
+    limit += SLACK * (limit + largest);
+    return square > limit * limit;
 }
 
 /* Measure the signed distance to the first solid of a body only. */

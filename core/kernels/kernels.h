@@ -168,6 +168,7 @@ typedef struct {
     int64_t count;           /* number of points */
     int64_t avx2;            /* 1: use AVX2 */
     int64_t looked;          /* 1: `room` and the arrays of the gap are those of a look before */
+    int64_t thorough;        /* 1: all points look from all places, and are visited; this takes longer */
     int64_t stride;          /* numbers from the start of one row of the compliance to the start of the next */
     const float *compliance; /* C (3 count, stride) [m/N]; null: only look */
     int64_t bodies;          /* number of bodies */
@@ -176,7 +177,7 @@ typedef struct {
     const double *points;    /* undeformed points (count, 3) [m] */
     const double *inward;    /* unit vectors into the finger (count, 3) */
     const double *spread;    /* offsets along both sides at which a point looks (count, 2, 3) [m] */
-    const double *lift;      /* lift of the first look (count) [m] */
+    double lift;             /* lift of the first look [m] */
     double ratio;            /* lift of the second look over that of the first */
     const double *drag;      /* slip without displacement (count, 3) [m] */
     const double *shift;     /* displacement that no force causes (count, 3) [m] */
@@ -198,7 +199,9 @@ typedef struct {
     int64_t looks;           /* out: looks beside the first */
     int64_t width;           /* bytes of a point in the workspace */
     void *room;              /* workspace (count, width) */
-    double *work;            /* workspace (3 DERMIS_KEPT + 4, count, 3) */
+    double *work;            /* workspace (3 DERMIS_KEPT + 7, count, 3) */
+    int64_t *active;         /* workspace (count) */
+    float *gathered;         /* workspace (3 count, 3 count) */
 } dermis_touch;
 
 /* The cells of a pad at rest, the bodies near it, and the search for cells that may touch; see `survey.c`.
@@ -222,6 +225,7 @@ typedef struct {
     const double *limits;        /* a cell may touch if its gap is below this (cells) [m] */
     const double *longs;         /* longer side (cells) [m] */
     double turned, edge, bent, corners, beyond, beside, odd, above, deep, steep; /* see point_tree.py */
+    double round;                /* sharpness of bodies without edges */
     int64_t coarsest, many;      /* see point_tree.py */
     int64_t thorough;            /* 1: test points are evaluated even if one flat face is all that is near; the
                                     resulting cells are the same */

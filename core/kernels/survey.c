@@ -8,8 +8,6 @@
 #include "numbers.h"
 #include "posed.h"
 
-#define ROUND 0.34 /* a body with less sharpness has no edges, see posed_records.py */
-
 /* Return the index of a cell by its root, numbers of halvings and position, like `Tiles.find` in core/skin/tiles.py. */
 static int64_t find(const dermis_survey *s, int64_t root, const int64_t *halved, const int64_t *place) {
     int64_t a = halved[0], b = halved[1], first = s->first[a * s->levels + b];
@@ -135,12 +133,12 @@ static int64_t leaning_of(const dermis_survey *s, int64_t cell, const footprint 
 /* Whether a body with edges is closest to the centre, or within the farthest of the `count` test points of it. */
 static int edges_near(const dermis_survey *s, const double *at, const double *inward, const double *corners, int count, const dermis_sight *middle) {
     double radius = 0.0;
-    if (middle->body < 0 || s->posed[middle->body].sharpness >= ROUND) return 1;
+    if (middle->body < 0 || s->posed[middle->body].sharpness > s->round) return 1;
     for (int corner = 0; corner < count; corner++) radius = dermis_most(radius, dermis_dot(corners + 3 * corner, corners + 3 * corner));
     radius = dermis_root(radius);
     for (int64_t b = 0; b < s->bodies; b++) {
         dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1};
-        if (s->posed[b].sharpness < ROUND) continue;
+        if (s->posed[b].sharpness <= s->round) continue;
         dermis_look(s->posed + b, 1, radius, s->limit, at, inward, &sight);
         if (sight.body >= 0 && sight.gap < radius) return 1;
     }

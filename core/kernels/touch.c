@@ -14,11 +14,12 @@
 
 #define LOOKS 10
 /* SHARE: of a point's way that its normal follows in a visit; with all of it, normals turn back and forth. Where a normal
-   does so yet, its share is halved, and grows by GROW otherwise. Below LEAST the normal is kept.
+   still does, its share is halved; else it grows by GROW. Below LEAST the normal is kept.
    TRUST: way since the last look after which a point looks again within the sweeps [m].
    STILL, FLAT: way after which it looks again in the last round and between rounds, where its normal turns and where it
-   does not [m]. OFF: turn that a normal may be behind.
-   CLEAR: gap above which a point without force is not visited [m]. */
+   does not [m].
+   CLEAR: gap above which a point without force is not visited [m].
+   FAR: gap above which a point takes the plane of its first look [m]. */
 #define SHARE 0.5
 #define GROW 1.1
 #define LEAST 0.02
@@ -28,6 +29,9 @@
 #define CLEAR 0.05e-3
 #define LONG 60 /* sweeps of a round after which normals turn in part: points between two faces may look at either in turn */
 #define FAR 0.2e-3
+
+/* Return the gap above which a point without force is not visited [m]. */
+static double clear_of(const dermis_touch *t) { return t->thorough ? __builtin_inf() : CLEAR; }
 
 static const double PLACES[5][3] = {{1, 1, 1.0 / 6}, {1, -1, 1.0 / 6}, {-1, 1, 1.0 / 6}, {-1, -1, 1.0 / 6}, {0, 0, 2.0 / 6}};
 
@@ -40,7 +44,17 @@ typedef struct {
     double own[9];                            /* compliance of the point to its own force */
     int64_t rough;                            /* 1: the point is far, and looked but once */
     double share, turned[3];                  /* of a turn that the normal follows, and its last turn */
+    const double *image;                      /* displacement of the point by all forces */
 } view;
+
+/* The points that sweeps visit: those with a force, and those that are near a body. */
+typedef struct {
+    int64_t count;     /* of these points */
+    int64_t *points;   /* their indices, in ascending order (n) */
+    float *compliance; /* between them (3 count, 3 count) */
+    double *image;     /* their displacement by all forces (n, 3) */
+    double *known;     /* forces that `t->image` contains (n, 3) */
+} active;
 
 static void nothing(dermis_touch *t, view *v, int64_t i) {
     t->body[i] = t->triangle[i] = -1;
@@ -55,8 +69,8 @@ static double sharpness_at(const dermis_touch *t, int64_t i) {
     int alike = 1;
     for (int64_t b = 1; b < t->bodies; b++) alike &= t->posed[b].sharpness == share;
     if (alike) return share;
-    for (int k = 0; k < 3; k++) x[k] = t->points[3 * i + k] + t->where[3 * i + k] + t->lift[i] * t->inward[3 * i + k];
-    dermis_look(t->posed, t->bodies, t->limit + t->lift[i], t->limit, x, t->inward + 3 * i, &sight);
+    for (int k = 0; k < 3; k++) x[k] = t->points[3 * i + k] + t->where[3 * i + k] + t->lift * t->inward[3 * i + k];
+    dermis_look(t->posed, t->bodies, t->limit + t->lift, t->limit, x, t->inward + 3 * i, &sight);
     return sight.body < 0 ? 1.0 : t->posed[sight.body].sharpness;
 }
 
@@ -69,13 +83,22 @@ static void take_plane(dermis_touch *t, view *v, int64_t i, double gap, const do
     }
 }
 
+/* Whether all places at which a point looks see the same flat face as the lower one at its middle.
+
+   The other places, and their closest points on that face, are within a ball about this place x. */
+static int flat(const dermis_touch *t, const dermis_sight *sight, const double *x, const double *inward, const double *spread, double share, double lift) {
+    double aside = 0.0, up = (t->ratio - 1.0) * lift, rise = dermis_most(dermis_dot(inward, sight->normal), 0.0);
+    for (int a = 0; a < 2; a++) aside += share * dermis_root(dermis_dot(spread + 3 * a, spread + 3 * a));
+    return dermis_sees_plane(t->posed, t->bodies, x, up + 2.0 * aside + dermis_abs(sight->gap) + up * rise, sight);
+}
+
 /* Look at the bodies from where the point is displaced to.
 
    thorough: 0: a point that is farther than FAR away takes the plane of the first look. */
 static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
     const double *inward = t->inward + 3 * i, *spread = t->spread + 6 * i;
-    int64_t *slots = t->slots + LOOKS * i, body = t->body[i];
-    double share = sharpness_at(t, i), lift = share * t->lift[i], high = t->ratio, far = t->limit + high * lift;
+    int64_t *slots = t->slots + LOOKS * i, body = t->body[i], slot = -1;
+    double share = sharpness_at(t, i), lift = share * t->lift, high = t->ratio, far = t->limit + high * lift;
     double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], nearest = __builtin_inf();
     t->looks++, v->rough = 0;
     for (int p = 4; p >= 0; p--) {
@@ -83,7 +106,7 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
         for (int k = 0; k < 3; k++) each[p][k] = 0.0;
         for (int above = 0; above < 2; above++) {
             double x[3], up = above ? high * lift : lift, weight = above ? -1.0 / (high - 1.0) : high / (high - 1.0);
-            dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[2 * p + above]};
+            dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[2 * p + above] < 0 ? slot : slots[2 * p + above]};
             for (int k = 0; k < 3; k++)
                 x[k] = t->points[3 * i + k] + t->where[3 * i + k] + share * (PLACES[p][0] * spread[k] + PLACES[p][1] * spread[3 + k]) + up * inward[k];
             dermis_look(t->posed, t->bodies, far, far, x, inward, &sight);
@@ -91,12 +114,12 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
                 nothing(t, v, i);
                 return;
             }
-            slots[2 * p + above] = sight.slot, body = sight.body;
+            slots[2 * p + above] = slot = sight.slot, body = sight.body;
             if (sight.gap < nearest) nearest = sight.gap, t->body[i] = sight.body, t->triangle[i] = sight.triangle;
             if (p == 4 && above == 0) {
                 double there = sight.gap - lift * dermis_dot(inward, sight.normal);
-                int rough = !thorough && sight.gap - lift > FAR;
-                if (rough || (t->bodies == 1 && t->posed[0].body == NULL && !(t->posed[0].rounding > 0.0))) {
+                int rough = !thorough && !t->thorough && sight.gap - lift > FAR;
+                if (rough || (!t->thorough && flat(t, &sight, x, inward, spread, share, lift))) {
                     take_plane(t, v, i, there, sight.normal);
                     v->rough = rough;
                     return;
@@ -138,34 +161,44 @@ static void turn(const dermis_touch *t, view *v, int64_t i) {
     v->gap = (gap + 0.5 * bend) / length;
 }
 
-static void move_all(dermis_touch *t, int64_t i, const double *f) {
-    int64_t first = 3 * i * t->stride, n = 3 * t->count;
+/* Add the displacement of `count` points by a force on point i of them to an image. */
+static void move(const dermis_touch *t, int64_t count, const float *compliance, int64_t stride, int64_t i, const double *f, double *image) {
+    const float *rows = compliance + 3 * i * stride;
     if (t->avx2)
-        add_rows_avx2(n, (const float *)t->compliance + first, t->stride, f, t->image);
+        add_rows_avx2(3 * count, rows, stride, f, image);
     else
-        add_rows(n, (const float *)t->compliance + first, t->stride, f, t->image);
+        add_rows(3 * count, rows, stride, f, image);
 }
+
+static int loaded(const dermis_touch *t, int64_t i) { return t->force[3 * i] != 0.0 || t->force[3 * i + 1] != 0.0 || t->force[3 * i + 2] != 0.0; }
 
 static double soft_of(const dermis_touch *t, int64_t i) { return t->body[i] < 0 ? 0.0 : t->posed[t->body[i]].softness / t->areas[i]; }
 static double rub_of(const dermis_touch *t, int64_t i) { return t->body[i] < 0 ? 0.0 : t->posed[t->body[i]].friction; }
 
 /* Way of the point since its last look (3). */
-static void way_of(const dermis_touch *t, int64_t i, double *way) {
+static void way_of(const dermis_touch *t, const view *v, int64_t i, double *way) {
     for (int k = 0; k < 3; k++)
-        way[k] = t->image[3 * i + k] + t->shift[3 * i + k] + soft_of(t, i) * t->force[3 * i + k] - t->where[3 * i + k];
+        way[k] = v->image[k] + t->shift[3 * i + k] + soft_of(t, i) * t->force[3 * i + k] - t->where[3 * i + k];
 }
 
 /* Relative displacement of a point under its force: the gap along the normal, and slip across it (3). */
 static void relative(const dermis_touch *t, const view *v, int64_t i, double *w) {
     const double *n = v->plane;
     double gap = v->gap, slip = 0.0, way[3];
-    way_of(t, i, way);
+    way_of(t, v, i, way);
     for (int k = 0; k < 3; k++) {
         gap += n[k] * (way[k] - v->at[k]);
         w[k] = way[k] + t->where[3 * i + k] + t->drag[3 * i + k];
         slip += w[k] * n[k];
     }
     for (int k = 0; k < 3; k++) w[k] += (gap - slip) * n[k];
+}
+
+/* Return the gap of a point under its force [m]. */
+static double gap_of(const dermis_touch *t, const view *v, int64_t i) {
+    double w[3];
+    relative(t, v, i, w);
+    return dermis_dot(w, v->plane);
 }
 
 /* Let a normal that turned at the last look follow in part.
@@ -186,7 +219,7 @@ static void turn_in_part(dermis_touch *t, view *v, int64_t i, const double *befo
    trust: way since the last look after which the point looks again [m]. calm: 1: it turns in part. */
 static void follow(dermis_touch *t, view *v, int64_t i, double trust, int calm) {
     double way[3], before[3];
-    way_of(t, i, way);
+    way_of(t, v, i, way);
     if (trust <= STILL && dermis_dot(way, way) <= trust * trust) return;
     if (calm && v->share < LEAST) return;
     for (int k = 0; k < 3; k++) v->at[k] += SHARE * (way[k] - v->at[k]), before[k] = v->plane[k];
@@ -199,15 +232,13 @@ static void follow(dermis_touch *t, view *v, int64_t i, double trust, int calm) 
     if (calm && t->body[i] >= 0) turn_in_part(t, v, i, before);
 }
 
-/* Improve the force on a point while all others are fixed; return the squared change. */
-static double visit(dermis_touch *t, view *v, int64_t i, double trust, int calm) {
+/* Improve the force on number j of the active points while all others are fixed; return the squared change. */
+static double visit(dermis_touch *t, view *views, active *near, int64_t j, double trust, int calm) {
+    int64_t i = near->points[j];
+    view *v = views + i;
     double *force = t->force + 3 * i, found[3] = {0.0, 0.0, 0.0}, change[3], w[3];
-    int loaded = force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0;
-    if (!loaded) {
-        if (t->body[i] < 0) return 0.0;
-        relative(t, v, i, w);
-        if (dermis_dot(w, v->plane) > CLEAR) return 0.0;
-    }
+    int pressed = loaded(t, i);
+    if (!pressed && (t->body[i] < 0 || gap_of(t, v, i) > clear_of(t))) return 0.0;
     if (v->rough && t->body[i] >= 0) look(t, v, i, 1);
     if (t->body[i] >= 0 && trust > 0.0) follow(t, v, i, trust, calm);
     if (t->body[i] >= 0) {
@@ -215,7 +246,7 @@ static double visit(dermis_touch *t, view *v, int64_t i, double trust, int calm)
         double own = 0.0, normal = 0.0, soft = soft_of(t, i), cn[3];
         relative(t, v, i, w);
         double gap = dermis_dot(w, n), along = dermis_dot(force, n), mu = rub_of(t, i);
-        if (!loaded && gap >= 0.0) return 0.0;
+        if (!pressed && gap >= 0.0) return 0.0;
         for (int r = 0; r < 3; r++) {
             cn[r] = soft * n[r];
             for (int c = 0; c < 3; c++) cn[r] += v->own[3 * r + c] * n[c];
@@ -238,19 +269,22 @@ static double visit(dermis_touch *t, view *v, int64_t i, double trust, int calm)
     }
     for (int k = 0; k < 3; k++) change[k] = found[k] - force[k], force[k] = found[k];
     double square = dermis_dot(change, change);
-    if (square > 0.0) move_all(t, i, change);
+    if (square > 0.0) move(t, near->count, near->compliance, 3 * near->count, j, change, near->image);
     return square;
 }
 
-/* Residual of f = P(f - w / own), as in sweeps.c. */
-static void assess(dermis_touch *t, view *views) {
+/* Compute the residual of f = P(f - w / own), as in sweeps.c.
+
+   points: indices of the points that are assessed (count); null for all. */
+static void assess(dermis_touch *t, view *views, const int64_t *points, int64_t count) {
     double error = 0.0, size = 0.0, projected = 0.0;
-    for (int64_t i = 0; i < t->count; i++) {
+    for (int64_t j = 0; j < count; j++) {
+        int64_t i = points == NULL ? j : points[j];
         const double *force = t->force + 3 * i, *n = views[i].plane;
         double *w = t->moved + 3 * i, own = 3.0 * soft_of(t, i), v[3], side[3];
         t->status[i] = 0;
         if (t->body[i] < 0) {
-            for (int k = 0; k < 3; k++) w[k] = 0.0, error += force[k] * force[k];
+            for (int k = 0; k < 3; k++) w[k] = 0.0, error += force[k] * force[k], size += force[k] * force[k];
             continue;
         }
         relative(t, views + i, i, w);
@@ -275,16 +309,10 @@ static void assess(dermis_touch *t, view *views) {
 static int look_again(dermis_touch *t, view *views) {
     int moved = 0;
     for (int64_t i = 0; i < t->count; i++) {
-        const double *force = t->force + 3 * i;
         view *v = views + i;
-        double way[3], w[3];
-        if (t->body[i] < 0) continue;
-        int loaded = force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0;
-        if (!loaded) {
-            relative(t, v, i, w);
-            if (dermis_dot(w, v->plane) > CLEAR) continue;
-        }
-        way_of(t, i, way);
+        double way[3];
+        if (t->body[i] < 0 || (!loaded(t, i) && gap_of(t, v, i) > clear_of(t))) continue;
+        way_of(t, v, i, way);
         double still = v->flat ? FLAT : STILL;
         if (dermis_dot(way, way) <= still * still) continue;
         for (int k = 0; k < 3; k++) t->where[3 * i + k] += way[k];
@@ -299,14 +327,75 @@ static int finite(const double *values, int64_t count) {
     return 1;
 }
 
+/* Bring the displacement of all points up to date with the forces. */
+static void bring(dermis_touch *t, active *near) {
+    for (int64_t j = 0; j < near->count; j++) {
+        int64_t i = near->points[j];
+        double change[3], *known = near->known + 3 * i;
+        for (int k = 0; k < 3; k++) change[k] = t->force[3 * i + k] - known[k], known[k] = t->force[3 * i + k];
+        if (dermis_dot(change, change) > 0.0) move(t, t->count, t->compliance, t->stride, i, change, t->image);
+    }
+    for (int64_t j = 0; j < near->count; j++)
+        for (int k = 0; k < 3; k++) t->image[3 * near->points[j] + k] = near->image[3 * j + k];
+}
+
+/* Choose the active points, and gather the compliance between them. */
+static void gather(dermis_touch *t, view *views, active *near) {
+    int64_t m = 0, changed = 0;
+    for (int64_t i = 0; i < t->count; i++) {
+        views[i].image = t->image + 3 * i;
+        if (!loaded(t, i) && (t->body[i] < 0 || gap_of(t, views + i, i) > 2.0 * clear_of(t))) continue;
+        changed |= m >= near->count || near->points[m] != i;
+        near->points[m++] = i;
+    }
+    changed |= m != near->count, near->count = m;
+    for (int64_t j = 0; j < m; j++) {
+        views[near->points[j]].image = near->image + 3 * j;
+        for (int k = 0; k < 3 && changed; k++) {
+            const float *row = t->compliance + (3 * near->points[j] + k) * t->stride;
+            float *out = near->compliance + (3 * j + k) * 3 * m;
+            near->image[3 * j + k] = t->image[3 * near->points[j] + k];
+            for (int64_t l = 0; l < m; l++)
+                for (int c = 0; c < 3; c++) out[3 * l + c] = row[3 * near->points[l] + c];
+        }
+    }
+}
+
+/* Whether a point that is not active has come so near that it may get a force. */
+static int comes(const dermis_touch *t, const view *views) {
+    for (int64_t i = 0; i < t->count; i++)
+        if (views[i].image == t->image + 3 * i && t->body[i] >= 0 && gap_of(t, views + i, i) <= clear_of(t)) return 1;
+    return 0;
+}
+
+/* Assess the active points. Where they have converged, and others have come near, choose them anew, and return 1. */
+static int chosen(dermis_touch *t, view *views, active *near, double goal) {
+    assess(t, views, near->points, near->count);
+    if (t->residual > goal) return 0;
+    bring(t, near);
+    if (!comes(t, views)) return 0;
+    gather(t, views, near);
+    assess(t, views, near->points, near->count);
+    return 1;
+}
+
+/* Copy the forces on the active points (count, 3). */
+static void forces_of(const dermis_touch *t, const active *near, double *out) {
+    for (int64_t j = 0; j < near->count; j++)
+        for (int k = 0; k < 3; k++) out[3 * j + k] = t->force[3 * near->points[j] + k];
+}
+
 static void solve(dermis_touch *t, view *views) {
     int64_t n = t->count;
-    double *before = t->work + 3 * (DERMIS_KEPT + 1) * 3 * n;
-    for (int64_t k = 0; k < 3 * n; k++) t->image[k] = 0.0;
-    for (int64_t i = 0; i < n; i++)
+    double *before = t->work + 3 * (DERMIS_KEPT + 1) * 3 * n, *force = before + 3 * n;
+    active near = {0, t->active, t->gathered, force + 3 * n, force + 6 * n};
+    for (int64_t i = 0; i < n; i++) {
+        for (int k = 0; k < 3; k++) t->image[3 * i + k] = 0.0, near.known[3 * i + k] = t->force[3 * i + k];
         for (int k = 0; k < 9; k++) views[i].own[k] = (double)t->compliance[(3 * i + k / 3) * t->stride + 3 * i + k % 3];
+    }
     for (int64_t i = 0; i < n; i++)
-        if (t->force[3 * i] != 0.0 || t->force[3 * i + 1] != 0.0 || t->force[3 * i + 2] != 0.0) move_all(t, i, t->force + 3 * i);
+        if (loaded(t, i)) move(t, n, t->compliance, t->stride, i, t->force + 3 * i, t->image);
+    for (int64_t i = 0; i < n; i++) views[i].image = t->image + 3 * i;
     for (int round = 0; round < 4 && t->sweeps < t->most; round++) {
         double goal = round < 2 ? 3e-3 : round == 2 ? 1e-3 : t->tolerance, trust = round == 0 ? 0.0 : round < 3 ? TRUST : STILL;
         if (round > 0) look_again(t, views);
@@ -314,32 +403,39 @@ static void solve(dermis_touch *t, view *views) {
             views[i].share = SHARE;
             for (int k = 0; k < 3; k++) views[i].turned[k] = 0.0;
         }
-        assess(t, views);
+        gather(t, views, &near);
+        assess(t, views, near.points, near.count);
         double still = goal, nearest = __builtin_inf();
-        past last = {3 * n, 0, t->work, 0.0};
+        past last = {3 * near.count, 0, t->work, 0.0};
         int waited = 0, alone = 0, in_round = 0;
         while (t->sweeps < t->most && t->residual > goal) {
             double change = 0.0, size = 0.0;
-            for (int64_t k = 0; k < 3 * n; k++) before[k] = t->force[k];
-            for (int64_t i = 0; i < n; i++) visit(t, views + i, i, trust, in_round > LONG);
-            for (int64_t i = n - 1; i >= 0; i--) change += visit(t, views + i, i, trust, in_round > LONG);
+            forces_of(t, &near, before);
+            for (int64_t j = 0; j < near.count; j++) visit(t, views, &near, j, trust, in_round > LONG);
+            for (int64_t j = near.count - 1; j >= 0; j--) change += visit(t, views, &near, j, trust, in_round > LONG);
             t->sweeps += 2, in_round += 2;
-            for (int64_t k = 0; k < 3 * n; k++) size += t->force[k] * t->force[k];
+            forces_of(t, &near, force);
+            for (int64_t k = 0; k < 3 * near.count; k++) size += force[k] * force[k];
             if (change > still * still * size) {
                 if (trust == TRUST) continue; /* normals turn: no acceleration */
                 waited = change < nearest ? 0 : waited + 1;
                 nearest = dermis_least(nearest, change);
                 if (waited > PATIENCE) alone = ALONE, waited = 0;
-                if (alone > 0)
+                if (alone > 0) {
                     alone--, last.kept = 0;
-                else
-                    accelerate(t->force, t->image, &last, before);
+                    continue;
+                }
+                accelerate(force, near.image, &last, before);
+                for (int64_t j = 0; j < near.count; j++)
+                    for (int k = 0; k < 3; k++) t->force[3 * near.points[j] + k] = force[3 * j + k];
                 continue;
             }
-            assess(t, views);
+            if (chosen(t, views, &near, goal)) last = (past){3 * near.count, 0, t->work, 0.0};
             still *= 0.25;
         }
+        bring(t, &near);
     }
+    assess(t, views, NULL, n);
     for (int64_t i = 0; i < n; i++) {
         if (t->body[i] < 0) continue;
         for (int k = 0; k < 3; k++) t->where[3 * i + k] += views[i].at[k], t->normal[3 * i + k] = views[i].plane[k];
@@ -363,7 +459,7 @@ DERMIS_NOINLINE static int32_t touch(dermis_touch *t) {
 static int sound(const dermis_touch *t) {
     int solved = t->compliance == NULL || (t->stride >= 3 * t->count && t->most >= 0 && t->tolerance >= 0.0);
     return t->count >= 0 && dermis_sound_posed(t->posed, t->bodies) && t->width == (int64_t)sizeof(view) && solved && (t->avx2 == 0 || t->avx2 == 1) &&
-           (t->looked == 0 || t->looked == 1);
+           (t->looked == 0 || t->looked == 1) && (t->thorough == 0 || t->thorough == 1);
 }
 
 DERMIS_FUNCTION(dermis_touch_points, dermis_touch, sound, touch)

@@ -23,7 +23,7 @@ from ...kernels.library import kernels
 from ...kernels.records import address
 from ...skin.surface_compliance import SurfaceCompliance
 from .bodies import ContactBody
-from .posed_records import posed_records
+from .posed_records import ROUND, posed_records
 
 # TURNED: a cell is split if two unit normals at its test points differ by more than this (length of the difference).
 # BENT: a cell is split if its gap differs from a linear one by more than this [m].
@@ -88,7 +88,7 @@ class PointTree:
         record.turned, record.bent, record.corners, record.beside = TURNED, BENT, CORNERS, BESIDE
         record.edge, record.beyond, record.odd = EDGE, BEYOND, ODD
         record.above, record.deep, record.steep = ABOVE, DEEP, STEEP
-        record.coarsest, record.many = COARSEST, MANY
+        record.coarsest, record.many, record.round = COARSEST, MANY, ROUND
         return record
 
     def survey(self, bodies: Sequence[ContactBody], reach: float, bone: Array, loaded: Indices) -> Indices:

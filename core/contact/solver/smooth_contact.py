@@ -38,7 +38,7 @@ from .solve import Solution
 # SPREAD: distance along both sides of a cell at which a point looks as well [m].
 LIFT, RATIO, SPREAD = 0.3e-3, 6.0, 0.25e-3
 MOST_SWEEPS = 1000  # over all points in one frame
-ROOM = 37  # numbers of a point in the kernel's workspace
+ROOM = 38  # numbers of a point in the kernel's workspace
 LOOKS = 10  # of a point, each with a hint
 
 
@@ -123,8 +123,10 @@ class SmoothContact:
             "image": np.empty((n, 3)),
             "moved": np.empty((n, 3)),
             "status": np.empty(n, dtype=np.int8),
-            "work": np.empty((3 * records.KEPT + 4, n, 3)),
+            "work": np.empty((3 * records.KEPT + 7, n, 3)),
             "compliance": matrix,
+            "active": np.empty(n, dtype=np.int64),
+            "gathered": np.empty((3 * n, 3 * n), dtype=np.float32),
         }
         record = _filled(look.record, arrays)
         record.stride, record.avx2, record.looked = matrix.strides[0] // matrix.itemsize, kernels().avx2, 1
@@ -144,7 +146,6 @@ class SmoothContact:
             "points": at,
             "inward": np.ascontiguousarray(-points.normals),
             "spread": SPREAD * sides,
-            "lift": np.full(n, LIFT),
             "areas": np.ascontiguousarray(points.areas),
             "where": np.array(where, dtype=np.float64, order="C"),
             "clearance": np.empty(n),
@@ -158,7 +159,7 @@ class SmoothContact:
             "room": np.empty((n, ROOM)),
         }
         record = records.TouchRecord(count=n, bodies=len(near), posed=addressof(posed), limit=self._reach)
-        record.width, record.ratio = 8 * ROOM, RATIO
+        record.width, record.lift, record.ratio = 8 * ROOM, LIFT, RATIO
         return _Look(_filled(record, arrays), arrays, np.array([*near, -1]), posed)
 
 

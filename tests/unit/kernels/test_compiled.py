@@ -216,7 +216,7 @@ def sanitized(path: str, short: bool = False) -> None:
         pieces.sides.flat[rng.integers(0, pieces.sides.size)] = rng.choice(bad)
         refused += any(pieces.call(own))
         touch = drawn_touch(seed)
-        for name in ("points", "where", "drag", "force", "lift", "areas", "compliance") if seed % 2 else ():
+        for name in ("points", "where", "drag", "force", "areas", "compliance") if seed % 2 else ():
             array = getattr(touch, name)
             array.flat[rng.integers(0, array.size)] = rng.choice(bad)
         if seed % 5 == 0:

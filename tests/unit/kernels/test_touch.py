@@ -10,7 +10,7 @@ import pytest
 from core.kernels import library, records
 from tests.kernel_arrays import Contact, drawn_touch, opened
 
-VALUES = {"count": -1, "avx2": 2, "looked": 2, "width": 8, "bodies": -1}
+VALUES = {"count": -1, "avx2": 2, "looked": 2, "thorough": 2, "width": 8, "bodies": -1}
 SOLVED = {"stride": 2, "most": -1, "tolerance": -1.0}
 
 
@@ -83,3 +83,26 @@ def test_on_a_plane_alone_the_gap_is_exact_and_the_forces_are_those_of_the_sweep
     np.testing.assert_allclose(found["force"], wanted, atol=1e-6 * largest)
     touches = np.linalg.norm(wanted, axis=1) > 1e-6 * largest
     np.testing.assert_array_equal(found["status"][touches], swept.called[0].kept["status"][touches])
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_shortcuts_do_not_matter(seed: int) -> None:
+    """Points far from bodies look once and are not visited; points over one flat face look from one place.
+
+    A normal follows its point only after 0.3 um, so forces depend a little on the order of the visits.
+    """
+    own, found = opened(library.kernels().path), []
+    for thorough in (0, 1):
+        touch = replace(drawn_touch(seed), rounding=0.0)
+        touch.tolerance, touch.most = 1e-12, 4000
+        assert touch.call(own, thorough=thorough) == [records.DONE] * 2
+        found.append(touch.called[1].kept["force"])
+    np.testing.assert_allclose(found[0], found[1], rtol=0.0, atol=1e-3 * float(np.abs(found[1]).max()))
+
+
+def test_a_point_whose_body_is_gone_carries_no_force() -> None:
+    touch = replace(drawn_touch(4), bodies=1, rounding=0.0, plane=True)
+    touch.poses[1, 2] = -1.0
+    touch.force[:] = 0.1
+    assert touch.call(opened(library.kernels().path)) == [records.DONE] * 2
+    assert (touch.called[1].kept["body"] == -1).all() and not touch.called[1].kept["force"].any()

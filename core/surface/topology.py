@@ -199,7 +199,9 @@ def _welded(vertices: Array, found: Topology) -> tuple[NDArray[np.int64], float]
         return found.merged, 0.0
     graph = coo_array((np.ones(len(pairs), np.bool_), rim[pairs].T), shape=(len(vertices),) * 2)
     group = connected_components(graph, directed=False)[1][found.merged]
-    merged = np.unique(group, return_index=True)[1][group]
+    # Groups of vertices that `found` replaced are empty, so the numbers of the others have gaps.
+    _, first, place = np.unique(group, return_index=True, return_inverse=True)
+    merged = first[place]
     return merged, float(np.linalg.norm(vertices[merged] - vertices, axis=1).max())
 
 

@@ -83,6 +83,17 @@ def test_a_solid_with_cracks_of_rounding_is_closed_and_rays_do_not_slip_through(
         np.testing.assert_allclose(found.gap, exact.gap, atol=1e-8)
 
 
+def test_corners_that_coincide_and_corners_that_rounding_parts_are_both_merged() -> None:
+    """As in files of triangles without shared corners, some of whose numbers were rounded otherwise."""
+    vertices, triangles = block(0.02, 0.03, 0.01)
+    soup = vertices[triangles].reshape(-1, 3)
+    soup[[4, 17, 30]] += 1e-9
+    cracked = Surface.build(soup, np.arange(len(soup)).reshape(-1, 3))
+    assert cracked.closed and not cracked.findings() and 0.0 < cracked.topology.weld < 3e-9
+    assert len(np.unique(cracked.topology.corners)) == 8
+    np.testing.assert_allclose(soup[cracked.topology.merged], soup, atol=3e-9)
+
+
 def test_what_was_welded_opens_with_another_shape() -> None:
     vertices, triangles = parted(ROOF, ROOF_FACES, 1e-9)
     topology = Topology.build(vertices, triangles)

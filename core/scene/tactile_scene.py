@@ -393,7 +393,14 @@ def check_mesh(mesh: Mesh, where: str) -> None:
     if len(mesh.vertices) == 0 or len(mesh.triangles) == 0:
         raise DermisError("the mesh has no faces", where=where, remedy="Give it faces, or stop it being touchable")
     if not np.isfinite(mesh.vertices).all():
-        raise DermisError("the mesh has vertices that are not finite numbers", where=where)
+        wrong = np.flatnonzero(~np.isfinite(mesh.vertices).all(axis=1))
+        raise DermisError(
+            "the mesh has vertices that are not finite numbers",
+            where=where,
+            value=f"{len(wrong)} of {len(mesh.vertices)}; vertex {wrong[0]} is at {mesh.vertices[wrong[0]].tolist()}",
+            limit="finite numbers",
+            remedy="Remove these vertices, or look at the shape keys and modifiers that move them",
+        )
     if mesh.triangles.dtype.kind not in "iu":
         raise DermisError("triangles must be indices of vertices", where=where, value=str(mesh.triangles.dtype))
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):

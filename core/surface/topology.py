@@ -184,7 +184,8 @@ def _rounding(vertices: Array) -> float:
 def _welded(vertices: Array, found: Topology) -> tuple[NDArray[np.int64], float]:
     """Merge vertices on rims that rounding may have separated.
 
-    Vertices that `found` merged stay merged.
+    Vertices that `found` merged stay merged. Vertices that only a chain of others joins, over more than twice the
+    rounding, stay apart.
 
     Returns:
         Index of the vertex that replaces each vertex, shape (V,), and the largest distance between the two [m].
@@ -194,7 +195,8 @@ def _welded(vertices: Array, found: Topology) -> tuple[NDArray[np.int64], float]
     from scipy.spatial import cKDTree
 
     rim = np.unique(found.corners[(found.edge_kind == BOUNDARY).any(axis=1)])
-    pairs = cKDTree(vertices[rim]).query_pairs(_rounding(vertices), output_type="ndarray")
+    near = _rounding(vertices)
+    pairs = cKDTree(vertices[rim]).query_pairs(near, output_type="ndarray")
     if not len(pairs):
         return found.merged, 0.0
     graph = coo_array((np.ones(len(pairs), np.bool_), rim[pairs].T), shape=(len(vertices),) * 2)
@@ -202,6 +204,11 @@ def _welded(vertices: Array, found: Topology) -> tuple[NDArray[np.int64], float]
     # Groups of vertices that `found` replaced are empty, so the numbers of the others have gaps.
     _, first, place = np.unique(group, return_index=True, return_inverse=True)
     merged = first[place]
+    far = np.linalg.norm(vertices[merged] - vertices, axis=1)
+    # A chain of neighbours along a rim is no crack: far from the origin it would draw a whole rim into one corner.
+    chained = np.zeros(len(first), dtype=np.bool_)
+    chained[place[far > 2.0 * near]] = True
+    merged = np.where(chained[place], found.merged, merged)
     return merged, float(np.linalg.norm(vertices[merged] - vertices, axis=1).max())
 
 

@@ -298,8 +298,8 @@ class PointSolver(PathSolver):
                 "too-fine",
                 "contact has too many edges for the finest points: it is solved on coarser ones",
                 where,
-                value=f"{len(self.cells)} points",
-                limit=f"<= {MANY}",
+                value=f"{len(self.cells)} coarser points",
+                limit=f"<= {MANY} of the finest",
                 remedy="Press less deep, or touch with fewer edges at once",
             )
 

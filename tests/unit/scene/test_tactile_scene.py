@@ -87,7 +87,10 @@ BROKEN = Mesh(np.eye(3), np.array([[0, 1, 3]], dtype=np.int32))
             {"bodies": (Body("B", Mesh(np.empty((0, 3)), np.empty((0, 3), np.int32))),)},
             "object 'B': the mesh has no faces",
         ),
-        ({"bodies": (Body("B", Mesh(np.eye(3) * np.nan, TRIANGLE.triangles)),)}, "vertices that are not finite"),
+        (
+            {"bodies": (Body("B", Mesh(np.eye(3) * [1.0, np.nan, 1.0], TRIANGLE.triangles)),)},
+            r"object 'B': the mesh has vertices that are not finite .*3 of 3; vertex 0 is at \[1.0, nan, 0.0\].*Remove",
+        ),
         ({"bodies": (Body("B", BROKEN),)}, r"a face uses a vertex that does not exist \(found 3; allowed: 0 to 2\)"),
     ],
 )

@@ -94,6 +94,17 @@ def test_corners_that_coincide_and_corners_that_rounding_parts_are_both_merged()
     np.testing.assert_allclose(soup[cracked.topology.merged], soup, atol=3e-9)
 
 
+def test_rims_far_from_the_origin_are_not_drawn_together() -> None:
+    """A rounding step there is longer than the edges along the rim, and each corner is near the next."""
+    x, y = np.meshgrid(np.arange(41) * 0.25e-3, np.arange(41) * 0.25e-3, indexing="ij")
+    sheet = np.stack([x, y, 0.0 * x], axis=2).reshape(-1, 3)
+    k = np.arange(40 * 41).reshape(40, 41)[:, :-1].ravel()
+    faces = np.concatenate([np.stack([k, k + 41, k + 42], axis=1), np.stack([k, k + 42, k + 1], axis=1)])
+    near, far = (Surface.build(sheet + [d, 0.0, 0.0], faces) for d in (0.0, 1000.0))
+    assert far.topology.boundary_edges == near.topology.boundary_edges == 160
+    assert not far.closed and [f.code for f in far.findings()] == ["open-surface"]
+
+
 def test_what_was_welded_opens_with_another_shape() -> None:
     vertices, triangles = parted(ROOF, ROOF_FACES, 1e-9)
     topology = Topology.build(vertices, triangles)

@@ -86,6 +86,8 @@ class PressWatch:
         ):
             self.most = pushed
         missing = self.most - pushed
+        if self.most <= 0.0:  # the finger is pushed towards its nail, and there is no share of nothing
+            return 0.0
         return missing / self.most if missing > max(LOST * self.most, self._least) else 0.0
 
     def pulling(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> tuple[int, ...]:

@@ -1,0 +1,42 @@
+"""What PressWatch takes for a loss of force."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from core.contact.solver.bodies import ContactBody
+from core.contact.solver.press_watch import PressWatch
+from core.surface.gap import Surface
+
+BLOCK = Surface.block()
+
+
+def lost(forces: list[float]) -> list[float]:
+    """Return what is lost while a block rises by 0.1 mm a frame and pushes with some forces along Z [N]."""
+    watch, out, points = PressWatch(), [], np.zeros((1, 3))
+    for k, force in enumerate(forces):
+        came, now = (ContactBody(BLOCK, translation=np.array([0.0, 0.0, (k + i) * 1e-4])) for i in (0, 1))
+        normal = np.array([[0.0, 0.0, np.sign(force)]])
+        solution = SimpleNamespace(
+            force=np.array([[0.0, 0.0, force]]),
+            loaded=np.array([True]),
+            normal_force=np.array([abs(force)]),
+            normals=normal,
+        )
+        step: Any = SimpleNamespace(solution=solution, gaps=SimpleNamespace(body=np.array([0]), bodies=(now,)))
+        out.append(watch.lost([came], step, points))
+    return out
+
+
+def test_force_that_falls_while_a_body_presses_deeper_is_lost() -> None:
+    assert lost([1.0, 2.0, 1.5]) == [0.0, 0.0, pytest.approx(0.25)]
+    assert lost([1.0, 2.0, 1.99]) == [0.0, 0.0, 0.0]
+
+
+def test_there_is_no_share_of_a_force_towards_the_nail() -> None:
+    """As when the finger begins inside an object: the share was negative, and a finding told of it."""
+    assert lost([-1.0, -1.5, -2.0]) == [0.0, 0.0, 0.0]

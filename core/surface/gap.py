@@ -20,6 +20,7 @@ Which side a point is on:
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -52,6 +53,9 @@ FEW = 16
 PAYS = 1 / 6
 # A surface of more solids than this is measured as a whole, because measuring every solid would take longer than a ray.
 MOST_SOLIDS = 64
+# Sizes that come of a wrong unit rather than of things that fingers touch [m]. Beyond FAR from the origin a rounding
+# step of single precision is 8 um. The finest cells of the skin are 100 um wide.
+TINY, LARGE, FAR = 100e-6, 5.0, 100.0
 # Unit vectors towards the faces, edges and corners of a cube, one of each opposite pair, shape (13, 3).
 DIRECTIONS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64)[14:] - 1.0
 DIRECTIONS = DIRECTIONS[np.argsort(np.abs(DIRECTIONS).sum(axis=1), kind="stable")]  # the axes first
@@ -195,7 +199,7 @@ class Surface:
 
     def findings(self, where: str = "") -> tuple[Finding, ...]:
         """Return findings about doubtful parts of the surface, for the panel."""
-        found = []
+        found = [*self._size_findings(where)]
         if self.degenerate:
             found.append(
                 Finding(
@@ -244,6 +248,29 @@ class Surface:
                 )
             )
         return tuple(found)
+
+    def _size_findings(self, where: str) -> Iterator[Finding]:
+        """Yield findings about a size or a place that comes of a wrong unit or of a vertex that lies apart."""
+        corners = self.vertices[self.triangles.ravel()]
+        size, far = float(np.ptp(corners, axis=0).max()), float(np.abs(corners).max())
+        units = "Check the unit and the scale: lengths are in metres"
+        if far > FAR:
+            yield Finding(
+                "warning",
+                "far-from-origin",
+                "the surface reaches so far from the object's origin that it is felt inexactly, and slowly",
+                where,
+                value=f"{far:.3g} m",
+                limit=f"<= {FAR:g} m",
+                remedy=f"Remove vertices that lie apart, or move the origin to the surface. {units}",
+            )
+        elif size > LARGE:
+            what = "the surface is very large for a finger"
+            yield Finding("info", "large-surface", what, where, f"{size:.3g} m", f"<= {LARGE:g} m", units)
+        if size < TINY:
+            what = "the surface is too small to be felt"
+            value, limit = f"{1e3 * size:.3g} mm", f">= {1e3 * TINY:g} mm"
+            yield Finding("warning", "tiny-surface", what, where, value, limit, units)
 
     def query(self, points: Array, search_radius: float = np.inf) -> GapQuery:
         """Return the signed gap, closest point and normal of each point.

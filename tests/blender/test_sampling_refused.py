@@ -58,8 +58,8 @@ CASES = [
     ),
     (
         a_mesh_that_is_no_number,
-        r"object 'Cube': nothing to touch: the mesh has vertices that are not finite numbers .*1 of 8; vertex 0 is at .*"
-        "nan.*Remove these vertices",
+        r"object 'Cube': nothing to touch: the mesh has vertices that are not finite numbers .*1 of 8; vertex 0 is "
+        r"at \[nan, .*Remove these vertices",
     ),
     (a_disabled_body, "object 'Cube': nothing to touch: it is disabled or excluded in the view layer. Enable it"),
     (a_disabled_finger, "object 'Finger': no finger: it is disabled or excluded in the view layer. Enable it"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import itertools
+import re
 import weakref
 
 import numpy as np
@@ -594,3 +595,27 @@ def test_points_next_to_where_edges_meet_are_as_far_as_they_are():
         table = TriangleTable.build(corners, np.array([[0, 1, 2]]))
         square, _, _ = closest(table, np.ascontiguousarray(points.T), np.zeros(len(points), dtype=np.int64))
         assert np.sqrt(square) == pytest.approx([distance(p, corners[None]) for p in points], rel=0.0, abs=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("scale", "code", "told"),
+    [
+        (1.0, None, ""),
+        (1e3, "large-surface", r"\(found '?50 m'?; allowed: <= 5 m\). Check the unit"),
+        (1e4, "far-from-origin", r"\(found '?250 m'?; allowed: <= 100 m\).*Check the unit"),
+        (1e-3, "tiny-surface", r"\(found '?0.05 mm'?; allowed: >= 0.1 mm\). Check the unit"),
+    ],
+)
+def test_sizes_that_come_of_a_wrong_unit_are_told(scale: float, code: str | None, told: str) -> None:
+    surface = Surface.block()
+    found = Surface.build(surface.vertices * scale, surface.triangles).findings("object 'A'")
+    assert [f.code for f in found] == ([code] if code else [])
+    assert all(re.search(told, str(f)) and f.where == "object 'A'" for f in found)
+
+
+def test_a_vertex_that_lies_apart_is_told_only_if_a_face_uses_it() -> None:
+    surface = Surface.block()
+    vertices = np.vstack([surface.vertices, [1000.0, 0.0, 0.0]])
+    assert not Surface.build(vertices, surface.triangles).findings()
+    vertices[surface.triangles[0, 0]] = [1000.0, 0.0, 0.0]
+    assert "far-from-origin" in {f.code for f in Surface.build(vertices, surface.triangles).findings()}

@@ -102,7 +102,7 @@ def test_rims_far_from_the_origin_are_not_drawn_together() -> None:
     faces = np.concatenate([np.stack([k, k + 41, k + 42], axis=1), np.stack([k, k + 42, k + 1], axis=1)])
     near, far = (Surface.build(sheet + [d, 0.0, 0.0], faces) for d in (0.0, 1000.0))
     assert far.topology.boundary_edges == near.topology.boundary_edges == 160
-    assert not far.closed and [f.code for f in far.findings()] == ["open-surface"]
+    assert not far.closed and [f.code for f in far.findings()] == ["far-from-origin", "open-surface"]
 
 
 def test_what_was_welded_opens_with_another_shape() -> None:

@@ -601,7 +601,7 @@ def test_points_next_to_where_edges_meet_are_as_far_as_they_are():
     ("scale", "code", "told"),
     [
         (1.0, None, ""),
-        (1e3, "large-surface", r"\(found '?50 m'?; allowed: <= 5 m\). Check the unit"),
+        (1e3, "large-surface", r"\(found '?50 m'?; allowed: <= 20 m\). Check the unit"),
         (1e4, "far-from-origin", r"\(found '?250 m'?; allowed: <= 100 m\).*Check the unit"),
         (1e-3, "tiny-surface", r"\(found '?0.05 mm'?; allowed: >= 0.1 mm\). Check the unit"),
     ],

@@ -38,10 +38,11 @@ def table() -> Any:
     from core.presets import Library
     from core.skin.model import fingertip_skin
     from core.skin.shape import FingertipShape
+    from core.version import ENGINE
     from core.work.processes import ProcessExecutor
 
     spec, shape = Library().device("cable_platform"), FingertipShape()
-    key = f"{spec.hash[:12]}-{fingertip_skin(shape, level='draft').key[:12]}-points"
+    key = f"{spec.hash[:12]}-{fingertip_skin(shape, level='draft').key[:12]}-points-engine{ENGINE}"
     path = FOLDER / f"{key}.npz"
     if path.exists():
         return SkinTable.load(path)

@@ -23,6 +23,7 @@ from core.matching.trajectory import trajectory
 from core.presets import Library
 from core.skin.model import SkinModel, fingertip_skin
 from core.steps import drain
+from core.version import ENGINE
 from tests import touches
 
 FRICTION = 0.6  # of every touch, and of both devices: else they would be compared by what they are made of
@@ -129,7 +130,8 @@ def report(skin: SkinModel, count: int) -> str:
     missed = [f"{name} ({points:.1f})" for name, points in above.items() if points > WITHIN]
     said = f"missed on {', '.join(missed)}" if missed else "kept on every touch"
     lines = [
-        f"Skin 'draft', {len(skin.mesh.tetrahedra)} tetrahedra, friction {FRICTION:g}, {count} frames a touch.",
+        f"Engine {ENGINE}, skin 'draft', {len(skin.mesh.tetrahedra)} tetrahedra, friction {FRICTION:g}, "
+        f"{count} frames a touch.",
         "",
         f"**Within {WITHIN:g} points of the best pose found** (thimble, whole stress): {said}.",
         "",

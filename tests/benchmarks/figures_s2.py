@@ -40,7 +40,7 @@ from core.skin.observation import skin_key
 from core.skin.shape import FingertipShape
 from core.sweep.motors import verdict_of
 from core.sweep.readings import PARTS, read_readings
-from core.version import made_by
+from core.version import ENGINE, made_by
 
 from . import one_blas_thread
 from .bars import Bars
@@ -239,7 +239,7 @@ def law_section(
         "",
         f"**{right[NEO_HOOKEAN][0]} of {count} verdicts are as the paper expects** by the rule that relates to the touch, {right[NEO_HOOKEAN][1]} by the paper's own rule; on linear tissue, with the same seeds and tables of the same size, {right[LINEAR][0]} and {right[LINEAR][1]}.",
         "",
-        "Made, without the rest of the page, by `python -m tests.benchmarks.figures_s2 --law --out presets`. Simulated, as all above. A finger of the product follows the neo-Hookean law unless it is told otherwise. Here touches, tables and the sensor's readings are by the law, and beside it the same on linear tissue. Rule, noise, wobble and expected numbers are those that were fixed beforehand; nothing was changed for this tissue.",
+        f"Made, without the rest of the page, by `python -m tests.benchmarks.figures_s2 --law --out presets`. Simulated, as all above, with engine {ENGINE}. A finger is of linear tissue by default, and can follow the neo-Hookean law instead (*Tissue*). Here touches, tables and the sensor's readings are by the law, and beside it the same on linear tissue. Rule, noise, wobble and expected numbers are those that were fixed beforehand; nothing was changed for this tissue.",
         "",
         f"It is a part of the trial above: seeds {seeds[0]}-{seeds[-1]} of {FIRST}-{FIRST + SEEDS - 1}, and for `cable_platform` {ROWS['cable_platform']:,} configurations (the table of the controls by size) instead of the paper's 166,375, which would take hours by the law. The table of `hexapod` is whole.",
         "",
@@ -318,7 +318,7 @@ def _page(
         "",
         f"**{right[0]} of {len(every)} verdicts are as the paper expects** by the rule that relates to the touch, {right[1]} by the paper's own rule.",
         "",
-        "Regenerate with `python -m tests.benchmarks.figures_s2 --out presets` in the benchmarks' environment (some forty minutes). Source of the paper's figures: [S2], section V. Everything of ours is simulated: a linear skin of 1,560 tetrahedra, touched and pressed on points of its smooth surface, a virtual sensor, and a hand's wobble that was drawn, not recorded. [Neo-Hookean tissue](#on-neo-hookean-tissue) stands beside it in a section of its own.",
+        f"Regenerate with `python -m tests.benchmarks.figures_s2 --out presets` in the benchmarks' environment (some forty minutes). Made with engine {ENGINE}. Source of the paper's figures: [S2], section V. Everything of ours is simulated: a linear skin of 1,560 tetrahedra, touched and pressed on points of its smooth surface, a virtual sensor, and a hand's wobble that was drawn, not recorded. [Neo-Hookean tissue](#on-neo-hookean-tissue) stands beside it in a section of its own.",
         "",
         f"Fixed and committed before any result was looked at, and not tuned since: noise {NOISE:g} counts in every channel; wobble {tilt:g} degrees of tilt, {depth:g} mm of depth, {shift:g} mm along the surface, {100 * WOBBLE.amplitude:g} % from repetition to repetition. The paper's rule: the fewest motors whose error is less than {100 * KNEE:g} % above that of all. It asks for motors that render the hand's wobble as soon as all motors together leave less than that, so a second rule stands before it: the fewest motors that lose less than {100 * KNEE:g} % of the touch, beyond the error of all. It was found on seeds 0-2; seeds {seeds[0]}-{seeds[-1]}, below, were judged after it was committed. The paper expects 1, 2, 2, 2, 2, 3 motors for flat, back-, tip-, left-, right-flat and complex. No pose of the interactions is in a table: tables are regular sweeps.",
         "",

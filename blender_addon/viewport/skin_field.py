@@ -371,7 +371,8 @@ def error_text(states: Sequence[SkinState]) -> str:
         return "; ".join(said)
     where = "nodes" if any(s.touching and s.points is None and s.work != "rendered" for s in states) else "points"
     off = core.parameters.skin.FORCE_ERRORS[where]
-    said.append(f"contact on {where}: {off} off at most where pressed, more slid over edges")
+    slid = ", more slid over edges" if where == "nodes" else ""
+    said.append(f"contact on {where}: {off} off at most where pressed{slid}")
     return "; ".join(said)
 
 

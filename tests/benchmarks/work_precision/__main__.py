@@ -43,7 +43,7 @@ PICTURES = {  # of a picture: its diagrams, how many side by side, its title, an
     "work_precision": (
         ("plane", "ball 5 mm", "edge 90 degrees at 0 mm", "ribs", "pin solvers", "scenes"),
         3,
-        "On points, contact is nearer than linear tissue's own error on every shape; "
+        "On points, contact is nearer than linear tissue's own error on these shapes; "
         "at nodes the fine mesh is, if nothing is sharp or small",
         KEY,
     ),

@@ -79,17 +79,16 @@ class SurfaceCompliance:
         axis = np.asarray(direction, np.float64)
         return self._sharing(replace(self, spring=self.spring + np.outer(axis, axis) / stiffness))
 
-    def rows(self, new: Indices, members: Indices) -> Floats32:
+    def rows(self, new: Indices, members: Indices, out: Floats32 | None = None) -> Floats32:
         """Return the compliance from cells `members` to cells `new` [m/N].
 
         It is the displacement of `new` for unit forces on `members`, shape (3 new, 3 members). The result is in single
-        precision, with a relative error of 1e-6.
+        precision, with a relative error of 1e-6. If `out` is given, it is written there.
         """
-        out = self._rows(new, members)
-        out *= np.float32(1.0 / self.material.modulus)
+        rows = self._rows(new, members, 1.0 / self.material.modulus, out)
         if self.spring.any():
-            out += self.spring.astype(np.float32)[None, :, None, :]
-        return out.reshape(3 * len(new), 3 * len(members))
+            rows += self.spring.astype(np.float32)[None, :, None, :]
+        return rows.reshape(3 * len(new), 3 * len(members))
 
     @cached_property
     def coarse(self) -> RowTable:
@@ -112,17 +111,20 @@ class SurfaceCompliance:
         moved = np.asarray(force, np.float32).reshape(-1) @ rows.reshape(3 * len(rows), -1)
         return moved.reshape(-1, 3) / self.material.modulus + np.sum(force, axis=0, dtype=np.float64) @ self.spring
 
-    def _rows(self, new: Indices, members: Indices) -> Floats32:
-        """Return `rows` for E = 1 [1/m] and a fixed bone, shape (new, 3, members, 3)."""
+    def _rows(self, new: Indices, members: Indices, factor: float = 1.0, out: Floats32 | None = None) -> Floats32:
+        """Return `rows` for E = 1 [1/m] and a fixed bone, times a factor, shape (new, 3, members, 3)."""
+        shape = len(new), 3, len(members), 3
+        rows = np.empty(shape, np.float32) if out is None else out.reshape(shape)
         rank, others, phi = self.remainder.rank, self.cells.take(members), self.functions(members).T
-        out = np.empty((len(new), 3, len(members), 3), np.float32)
         for start in range(0, len(new), _ROWS_AT_ONCE):
             few = new[start : start + _ROWS_AT_ONCE]
             part = surface_kernel(self.cells.take(few), others, self.material.poisson, np.float32)
             smooth = (self.functions(few) @ self._surface).reshape(-1, rank) @ phi
-            part += smooth.reshape(len(few), 3, 3, -1).transpose(0, 1, 3, 2)
-            out[start : start + len(few)] = part
-        return out
+            for k, column in enumerate(smooth.reshape(len(few), 3, 3, -1).transpose(2, 0, 1, 3)):
+                part[..., k] += column
+            part *= np.float32(factor)
+            rows[start : start + len(few)] = part
+        return rows
 
     def block(self, i: Indices, j: Indices) -> Array:
         """Return the compliance from cells j to cells i [m/N], shape (i, 3, j, 3).

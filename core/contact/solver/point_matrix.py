@@ -13,6 +13,7 @@ from ...skin.surface_compliance import SurfaceCompliance
 from .cone import carrying
 
 GROWTH = 1.2  # factor by which the memory grows if it is too small
+_THREE = np.dtype("V12")  # the three components of a point in a row, which are moved together
 
 
 class PointMatrix:
@@ -54,17 +55,19 @@ class PointMatrix:
         order = np.arange(size)
         holes = leaving[leaving < size]
         if len(holes):
-            order[holes] = np.setdiff1d(np.arange(size, count), leaving)
-            to, source = rows_of(holes), rows_of(order[holes])
-            whole = self._store[: 3 * count, : 3 * count]
-            whole[to] = whole[source]
-            whole[:, to] = whole[:, source]
+            stays = np.ones(count, dtype=np.bool_)
+            stays[leaving] = False
+            order[holes] = source = size + stays[size:].nonzero()[0]
+            room = len(self._store) // 3
+            rows = self._store.reshape(room, 3, 3 * room)
+            rows[holes, :, : 3 * count] = rows[source, :, : 3 * count]
+            columns = self._store.view(_THREE)[: 3 * count]
+            columns[:, holes] = columns[:, source]
         self.cells = np.concatenate([self.cells[order], entering])
         if len(entering):
             old, new = 3 * size, 3 * len(self.cells)
             self._make_room(new, old)
-            rows = self.pad.rows(entering, self.cells)
-            self._store[old:new, :new] = rows
+            rows = self.pad.rows(entering, self.cells, self._store[old:new, :new])
             self._store[:old, old:new] = rows[:, :old].T
         return order
 
@@ -91,15 +94,10 @@ class PointMatrix:
 
     def _make_room(self, wanted: int, kept: int) -> None:
         if wanted > len(self._store):
-            self._move(int(GROWTH * wanted), kept)
+            self._move(3 * int(GROWTH * wanted / 3), kept)
 
     def _move(self, size: int, kept: int) -> None:
         """Copy the rows to new memory, so that a saved state is not changed."""
         store = np.empty((size, size), dtype=np.float32)
         store[:kept, :kept] = self._store[:kept, :kept]
         self._store, self._saved = store, False
-
-
-def rows_of(points: Indices) -> Indices:
-    """Return the row indices of points, shape (3 k,)."""
-    return (3 * points[:, None] + np.arange(3)).reshape(-1)

@@ -154,14 +154,13 @@ class Tiles:
         low, high = (np.searchsorted(ranked, self.root[tiles], side) for side in ("left", "right"))
         one = np.repeat(np.arange(len(tiles)), high - low)
         two = order[np.arange(len(one)) - np.repeat(np.cumsum(high - low) - high, high - low)]
-        share = np.ones(len(one))
-        for axis in range(2):
-            ends = []
-            for cells in (tiles[one], others[two]):
-                size = (1 << self.levels) >> self.halved[cells, axis]
-                start = self.place[cells, axis] * size
-                ends.append((start, start + size))
-            (low_, high_), (low__, high__) = ends
-            share *= np.maximum(np.minimum(high_, high__) - np.maximum(low_, low__), 0) / (high_ - low_)
+        ends = []
+        for cells, which in ((tiles, one), (others, two)):
+            size = (1 << self.levels) >> self.halved[cells]
+            start = self.place[cells] * size
+            ends += [start[which], (start + size)[which]]
+        low, high, low_, high_ = ends
+        sides = np.maximum(np.minimum(high, high_) - np.maximum(low, low_), 0) / (high - low)
+        share = sides[:, 0] * sides[:, 1]
         met = np.flatnonzero(share > 0.0)
         return one[met], two[met], share[met]

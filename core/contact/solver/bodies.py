@@ -81,14 +81,14 @@ class ContactBody:
 
     def same_place(self, other: ContactBody) -> bool:
         """Return whether another state of this body has the same surface, pose and properties, or both are away."""
-        if self.away and other.away:
+        if self is other or (self.away and other.away):
             return True
         return (
             self.surface is other.surface
             and self.friction == other.friction
             and self.softness == other.softness
-            and bool(np.array_equal(self.rotation, other.rotation))
             and bool(np.array_equal(self.translation, other.translation))
+            and bool(np.array_equal(self.rotation, other.rotation))
         )
 
 

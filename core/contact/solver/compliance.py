@@ -54,4 +54,5 @@ def refuse_indefinite(matrix: NDArray[np.float64], name: str) -> None:
 
 def own_compliance(matrix: NDArray[np.floating]) -> Array:
     """Return the mean compliance of each node to its own force [m/N], shape (m,), from C, shape (3 m, 3 m)."""
-    return np.asarray(matrix.diagonal().reshape(-1, 3).mean(axis=1), dtype=np.float64)
+    own = matrix.diagonal()  # along rows of three, NumPy's `mean` takes three times as long
+    return np.asarray((own[::3] + own[1::3] + own[2::3]) / np.float32(3.0), dtype=np.float64)

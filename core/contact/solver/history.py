@@ -103,8 +103,8 @@ class ContactHistory:
     def rearranged(self, order: Indices, count: int) -> ContactHistory:
         """Return the history of other points: points `order` of this one, and `count` points without history."""
         other = ContactHistory(len(order) + count)
-        for name in _NAMES:
-            getattr(other, name)[: len(order)] = getattr(self, name)[order]
+        for name in _NAMES:  # `take` into place takes half the time of an index
+            getattr(self, name).take(order, axis=0, out=getattr(other, name)[: len(order)], mode="clip")
         other._faces = dict(self._faces)
         return other
 
@@ -121,7 +121,7 @@ class ContactHistory:
             positions: positions of the new points in that frame [m], shape (n, 3).
         """
         for name in _NAMES:
-            getattr(self, name)[nodes] = getattr(source, name)[sources]
+            getattr(self, name)[nodes] = getattr(source, name).take(sources, axis=0)
         self._put(bodies, nodes, self.body[nodes], self._triangle[nodes], positions)
 
     def expected(

@@ -12,5 +12,5 @@ def passed_on(gaps: NodeGaps, count: int, heirs: Indices, sources: Indices) -> N
     """Return the gaps of `count` points: points `heirs` get those of `sources`, and all others are beyond reach."""
     out = NodeGaps.nothing(gaps.bodies, count)
     for name in PER_POINT:
-        getattr(out, name)[heirs] = getattr(gaps, name)[sources]
+        getattr(out, name)[heirs] = getattr(gaps, name).take(sources, axis=0)
     return out

@@ -257,7 +257,7 @@ class PointSolver(PathSolver):
 
         def kept(values: Array) -> Array:
             out = np.zeros((n, *values.shape[1:]), dtype=values.dtype)
-            out[:count] = values[order]
+            values.take(order, axis=0, out=out[:count], mode="clip")
             return out
 
         self._force = kept(force)

@@ -151,7 +151,7 @@ class PressState:
             product = right @ problem.inverse
             f = product[:, : 3 * m]
             if core is not None:
-                f = f - np.matmul(core, product[:, 3 * m :, None])[:, :, 0] @ problem.spread
+                f -= np.matmul(core, product[:, 3 * m :, None])[:, :, 0] @ problem.spread
             v: Floats32 = np.multiply(f, np.float32(RELAXATION))
             v += (1.0 - RELAXATION) * z
             v += y
@@ -161,7 +161,7 @@ class PressState:
                 size = np.maximum(np.einsum("ij,ij->i", new, new), 1e-16)
                 d, e = f - new, z - new
                 left = np.sqrt((np.einsum("ij,ij->i", d, d) + np.einsum("ij,ij->i", e, e)) / size)
-            y = v - new
+            y = np.subtract(v, new, out=v)
             z = new
             if check:
                 done = ~(left > TOLERANCE)  # also true for rows that diverged
@@ -200,27 +200,21 @@ def _projected(v: Floats32, normal: Floats32, friction: float, m: int) -> tuple[
     Returns:
         Projected forces, shape (n, 3 m), and whether each node sticks, shape (n, m).
     """
-    a, b, c = (normal[:, i : i + 1] for i in range(3))
-    vx, vy, vz = v[:, :m], v[:, m : 2 * m], v[:, 2 * m :]
-    push = a * vx + b * vy + c * vz
-    out = np.empty_like(v)
-    tx, ty, tz = out[:, :m], out[:, m : 2 * m], out[:, 2 * m :]
-    np.subtract(vx, a * push, out=tx)
-    np.subtract(vy, b * push, out=ty)
-    np.subtract(vz, c * push, out=tz)
+    n, v = normal[:, :, None], v.reshape(len(v), 3, m)
+    work = n * v
+    push = work[:, 0] + work[:, 1]
+    push += work[:, 2]
+    out = v - np.multiply(n, push[:, None], out=work)
     np.maximum(push, 0.0, out=push)
-    length = tx * tx
-    length += ty * ty
-    length += tz * tz
+    np.multiply(out, out, out=work)
+    length = work[:, 0] + work[:, 1]
+    length += work[:, 2]
     np.sqrt(length, out=length)
     limit = np.float32(friction) * push
     stick = (length <= limit) & (push > 0.0)
-    share = limit / np.maximum(length, np.float32(1e-30))
+    np.maximum(length, np.float32(1e-30), out=length)
+    share = np.divide(limit, length, out=limit)
     np.minimum(share, np.float32(1.0), out=share)
-    tx *= share
-    ty *= share
-    tz *= share
-    tx += a * push
-    ty += b * push
-    tz += c * push
-    return out, stick
+    out *= share[:, None]
+    out += np.multiply(n, push[:, None], out=work)
+    return out.reshape(len(v), 3 * m), stick

@@ -23,7 +23,8 @@ LAST = "; sys.stderr.flush(); os._exit(0)"  # the ordinary end of an interpreter
 def skin_memory() -> Result:
     """One standard skin in contact on points that slides over a ball, an edge and ribs, with what is drawn of it."""
     command = [sys.executable, "-c", SCRIPT + LAST]
-    done = subprocess.run(command, cwd=ROOT, env=os.environ, capture_output=True, text=True, timeout=300)
+    for _ in range(2):  # the first process makes the skin's tables, if they are not in the cache: 15 MB more
+        done = subprocess.run(command, cwd=ROOT, env=os.environ, capture_output=True, text=True, timeout=300)
     answers = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith("ANSWER")]
     if not answers:
         raise RuntimeError((done.stderr.strip().splitlines() or ["no answer"])[-1])

@@ -53,9 +53,9 @@ FEW = 16
 PAYS = 1 / 6
 # A surface of more solids than this is measured as a whole, because measuring every solid would take longer than a ray.
 MOST_SOLIDS = 64
-# Sizes that come of a wrong unit rather than of things that fingers touch [m]. A thing of 20 mm in a file of millimetres
-# is LARGE. Beyond FAR from the origin a rounding step of single precision is 8 um. The finest cells of the skin are
-# 100 um wide.
+# Sizes that come of a wrong unit rather than of things that fingers touch [m]. A thing of 20 mm is LARGE where its
+# millimetres are taken for metres. Beyond FAR from the origin a rounding step of single precision is 8 um. The finest
+# cells of the skin are 100 um wide.
 TINY, LARGE, FAR = 100e-6, 20.0, 100.0
 # Unit vectors towards the faces, edges and corners of a cube, one of each opposite pair, shape (13, 3).
 DIRECTIONS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64)[14:] - 1.0

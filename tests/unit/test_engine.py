@@ -25,8 +25,12 @@ SCENES = tuple(product(SHAPES, TISSUES))
 
 
 def commands(shape: str, tissue: str) -> dict[str, list[list[float]]]:
-    """Return the commands at every tenth frame of a press with a short slide, by shape, device and tissue."""
-    way = [(1e-3 * max(i - 30, 0) / 20, 0.0, 0.2e-3 - 1e-3 * min(i / 30, 1.0)) for i in range(51)]
+    """Return the commands at every tenth frame of a press with a short slide, by shape, device and tissue.
+
+    The finger drifts to one side. Pressed straight onto a plate, a platform has two best poses, mirror images of each
+    other, and a processor's rounding chooses between them.
+    """
+    way = [(1e-3 * max(i - 30, 0) / 20, 1e-5 * i, 0.2e-3 - 1e-3 * min(i / 30, 1.0)) for i in range(51)]
     finger = Finger("Index", tuple(map(DeviceUse, DEVICES)), {"skin_level": "draft", **TISSUES[tissue]})
     body = Body("Body", SHAPES[shape](), {"friction": 0.3})
     bake = run(scene_from_poses(120.0, [(finger, way)], [(body, (0.0, 0.0, 0.0))]))

@@ -179,7 +179,7 @@ def test_extreme_speeds(skin, solver, speed):
         assert np.hypot(*s.force.sum(axis=0)[:2]) == pytest.approx(MU * s.force.sum(axis=0)[2], rel=1e-2)
 
 
-@pytest.mark.parametrize("factor", 10.0 ** np.arange(-3, 4))
+@pytest.mark.parametrize("factor", [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3])
 def test_stiffness_over_six_decades(skin, factor):
     a = PathSolver(skin.compliance, skin.positions, tolerance=1e-7)
     b = PathSolver(skin.compliance / factor, skin.positions, tolerance=1e-7)

@@ -200,34 +200,59 @@ static int in_plane(const double *row, const double *plane) {
     return dermis_most(dermis_most(dermis_abs(at), dermis_abs(b)), dermis_abs(c)) <= IN_PLANE && dermis_dot(facing, plane) > 0.0;
 }
 
-int dermis_only_plane(const dermis_tree *tree, const double *x, double radius, const double *plane) {
+/* Call a function for the triangles whose boxes are within a radius [m]; return whether it ended the search. */
+static inline int each(const dermis_tree *tree, const dermis_place *place, double radius, dermis_visitor *visitor, void *state) {
     int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES;
     int64_t nodes[64];
-    int open = 1;
-    dermis_place place;
-    if (tree->packed == NULL || !dermis_placed(tree, x, &place)) return 0;
     float limit = dermis_limit(tree, radius * radius);
+    int open = 1;
     nodes[0] = 0;
     while (open) {
         int64_t node = nodes[--open];
         float least[DERMIS_LANES];
         if (node < inner) {
-            dermis_away(tree->boxes + node * DERMIS_BOXES, &place, least);
+            dermis_away(tree->boxes + node * DERMIS_BOXES, place, least);
             for (int k = 0; k < DERMIS_LANES; k++)
                 if (least[k] <= limit) nodes[open++] = 4 * node + 1 + k;
             continue;
         }
         int64_t j = node - inner, low = j * blocks >> 2 * tree->depth, high = (j + 1) * blocks >> 2 * tree->depth;
         for (int64_t b = low; b < high; b++) {
-            dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, &place, least);
+            dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, place, least);
             for (int k = 0; k < DERMIS_LANES; k++) {
                 int64_t slot = b * DERMIS_LANES + k;
-                double u, w;
-                if (!(least[k] <= limit) || slot >= tree->count) continue;
-                const double *row = tree->packed + slot * DERMIS_ROW;
-                if (!in_plane(row, plane) && dermis_on_triangle(row, x, &u, &w) <= radius * radius) return 0;
+                if (least[k] <= limit && slot < tree->count && visitor(state, tree->packed + slot * DERMIS_ROW)) return 1;
             }
         }
     }
-    return 1;
+    return 0;
+}
+
+int dermis_visit(const dermis_tree *tree, const double *x, double radius, dermis_visitor *visitor, void *state) {
+    dermis_place place;
+    if (tree->packed != NULL && dermis_placed(tree, x, &place)) return each(tree, &place, radius, visitor, state);
+    for (int64_t j = 0; j < tree->count; j++) {
+        double row[DERMIS_ROW];
+        dermis_gather(tree, tree->order[j], row);
+        if (visitor(state, row)) return 1;
+    }
+    return 0;
+}
+
+typedef struct {
+    const double *x, *plane;
+    double radius;
+} flat_ball;
+
+/* Whether a triangle within the ball is not in the plane. */
+static int leaves_plane(void *state, const double *row) {
+    const flat_ball *ball = state;
+    double u, w;
+    return !in_plane(row, ball->plane) && dermis_on_triangle(row, ball->x, &u, &w) <= ball->radius * ball->radius;
+}
+
+int dermis_only_plane(const dermis_tree *tree, const double *x, double radius, const double *plane) {
+    flat_ball ball = {x, plane, radius};
+    dermis_place place;
+    return tree->packed != NULL && dermis_placed(tree, x, &place) && !each(tree, &place, radius, leaves_plane, &ball);
 }

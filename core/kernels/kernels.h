@@ -74,6 +74,8 @@ typedef struct dermis_body {
     int64_t closed;             /* 1: the triangles separate an inside from an outside; 0: they are an open sheet */
     int64_t by_rays;            /* 1: rays determine the side of every point; 0: the closest triangle does if it can */
     int64_t outside;            /* winding number of points outside: 0, or -1 if the triangles are inside out */
+    int64_t hollow;             /* in: 1 if the body has several parts; out: 1 also if faces meet in a hollow, see
+                                   distance.c */
     int64_t parts;              /* number of connected parts listed in `part` */
     int64_t slabs;              /* number of slabs; the body lies within each of them */
     double weld;                /* largest distance between corners that were merged into one vertex [m] */

@@ -6,11 +6,14 @@
 #include "numbers.h"
 #include "poses.h"
 #include "rim.h"
+#include "triangle.h"
 
 /* OPPOSITE: a normal belongs to the far side of a thin body if its component into the finger is below this.
    ABOVE: the near side is then searched from a point this much deeper in the finger [m]. */
 #define OPPOSITE -0.7
 #define ABOVE 0.4e-3
+/* A second face counts only if it reduces the width of a kink by more than this, for rounding [m]. */
+#define ROUNDING 1e-10
 
 /* Convert a point from the frame of the skin to that of a body. */
 static void localised(const dermis_posed *posed, const double *x, double *local) {
@@ -76,6 +79,63 @@ void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, double
         best = sight->gap = gap, sight->body = b, sight->triangle = on, sight->slot = slot;
         for (int k = 0; k < 3; k++) sight->normal[k] = out[k];
     }
+}
+
+/* The closest faces of a point, in the frame of a body. */
+typedef struct {
+    double x[3], gap, normal[3]; /* the point, its gap and the gradient, by the closest face [m] */
+    double width, side;          /* width of the kink [m]; 1, or -1 behind an open sheet */
+    double less, turn[3];        /* out: reduction of the gap by a second face [m], and change of the gradient */
+} kink;
+
+/* Take a face as the second one if it reduces the gap most.
+
+   distance: from the point [m]. normal: unit vector from the face to the point (3). */
+static void reduce(kink *at, double distance, const double *normal) {
+    double cosine = dermis_dot(at->normal, normal), width = at->width * dermis_least(1.0, 1.0 + cosine), more = distance - at->gap;
+    /* a face in or below the plane through the closest point is at least this much farther */
+    if (cosine > 0.0) width = dermis_least(width, dermis_most(at->gap, 0.0) * (1.0 / cosine - 1.0));
+    if (width - more <= ROUNDING) return;
+    double less = (width - more) * (width - more) / (4.0 * width);
+    if (less <= at->less) return;
+    at->less = less;
+    for (int k = 0; k < 3; k++) at->turn[k] = (width - more) / (2.0 * width) * (normal[k] - at->normal[k]);
+}
+
+static int reduce_by_triangle(void *state, const double *row) {
+    kink *at = state;
+    double u, w, normal[3], facing[3], distance = dermis_root(dermis_on_triangle(row, at->x, &u, &w));
+    if (distance >= at->gap + at->width || !(distance > 0.0)) return 0;
+    for (int k = 0; k < 3; k++) normal[k] = (at->x[k] - row[k] - u * row[AB + k] - w * row[AC + k]) / distance;
+    dermis_cross(row + AB, row + AC, facing);
+    if (at->side * dermis_dot(facing, normal) > 0.0) reduce(at, distance, normal);
+    return 0;
+}
+
+/* Whether two faces of a body may be equally close to a point outside. */
+static int hollow(const dermis_body *body) { return body != NULL && (body->hollow || body->by_rays || body->next != NULL); }
+
+void dermis_round(const dermis_posed *posed, int64_t bodies, const double *x, double width, dermis_sight *sight) {
+    double less = 0.0, turn[3] = {0.0, 0.0, 0.0};
+    for (int64_t b = 0; b < bodies && sight->body >= 0; b++) {
+        const dermis_posed *one = posed + b;
+        kink at = {.gap = sight->gap, .width = width, .side = one->side, .less = less};
+        if (!(at.gap + width > 0.0) || (b == sight->body && !hollow(one->body))) continue;
+        localised(one, x, at.x);
+        dermis_turned_back(one->rotation, sight->normal, at.normal);
+        for (const dermis_body *body = one->body; body != NULL; body = body->next)
+            if (!dermis_beyond(body, at.x, at.gap + width)) dermis_visit(body->tree, at.x, at.gap + width, reduce_by_triangle, &at);
+        if (one->body == NULL) {
+            double gap, normal[3];
+            int64_t slot = -1;
+            if (measure(one, x, sight->gap + width, &slot, &gap, normal) >= 0) reduce(&at, gap, one->plane);
+        }
+        if (at.less <= less) continue;
+        less = at.less;
+        dermis_turned(one->rotation, at.turn, turn);
+    }
+    sight->gap -= less;
+    for (int k = 0; k < 3; k++) sight->normal[k] += turn[k];
 }
 
 int dermis_sees_plane(const dermis_posed *posed, int64_t bodies, const double *x, double radius, const dermis_sight *sight) {

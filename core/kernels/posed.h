@@ -22,6 +22,16 @@ typedef struct {
    more than the limit [m]. inward: unit vector into the finger at x (3). sight: in, a hint, see `slot`; out, the result. */
 void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, double behind, const double *x, const double *inward, dermis_sight *sight);
 
+/* Round the kink of the distance where a second face is about as close as the closest one.
+
+   Outside of a body, its distance has kinks where faces meet in a hollow, and between two bodies. A second face reduces
+   the gap by up to a quarter of the width, where both are equally close. Faces below the plane through the closest point
+   have no influence, so nothing changes at convex edges.
+
+   x: a point of the skin [m]. width: largest difference of the two distances for which the second has an influence [m].
+   sight: result of `dermis_look` at x; out: the gap, and its gradient, which is no unit vector. */
+void dermis_round(const dermis_posed *posed, int64_t bodies, const double *x, double width, dermis_sight *sight);
+
 /* Whether one flat face of a closed body is all that is within a radius [m] of a point x of the skin [m].
 
    sight: result of `dermis_look` at x. It is also 0 if this cannot be determined. */

@@ -97,34 +97,52 @@ static double apart(const footprint *of) {
     return dermis_root(most);
 }
 
-/* Return the largest deviation of the gap from a linear function over the test points [m]. */
-static double bent(const footprint *of) {
+/* Return the largest deviation of the gap from a linear function over the test points (4, 3) [m].
+
+   Between two points, a gap without steps changes as the mean of the normals there says. */
+static double bent(const footprint *of, const double *corners) {
     const double *gap = of->gap;
     double off = dermis_abs(0.25 * (gap[0] + gap[1] + gap[2] + gap[3]) - of->middle);
-    return dermis_most(off, 0.25 * dermis_abs(gap[0] - gap[1] - gap[2] + gap[3]));
+    off = dermis_most(off, 0.25 * dermis_abs(gap[0] - gap[1] - gap[2] + gap[3]));
+    for (int i = 0; i < 4; i++) {
+        int from = i < 2 ? i : 2 * (i - 2), to = i < 2 ? i + 2 : from + 1;
+        double change = gap[to] - gap[from];
+        for (int k = 0; k < 3; k++) change -= 0.5 * (of->normal[1 + to][k] + of->normal[1 + from][k]) * (corners[3 * to + k] - corners[3 * from + k]);
+        off = dermis_most(off, 0.5 * dermis_abs(change));
+    }
+    return off;
 }
 
 /* Compute the lean along each side of a cell: the range of the normals' components along the side, leaning (2).
 
-   The side with the larger lean crosses the edges of the body. */
-static void lean(const dermis_survey *s, int64_t cell, const footprint *of, double *leaning) {
+   The side with the larger lean crosses the edges of the body. Where all normals are the same, as on both faces of a low
+   step, the slopes of the gap between the test points (4, 3) take their place. */
+static void lean(const dermis_survey *s, int64_t cell, const footprint *of, const double *corners, double *leaning) {
+    int alike = !(apart(of) > s->turned);
     for (int axis = 0; axis < 2; axis++) {
         const double *side = s->sides + 6 * cell + 3 * axis;
-        double low = dermis_dot(of->normal[0], side), high = low;
+        double length = dermis_root(dermis_dot(side, side)), low = dermis_dot(of->normal[0], side) / length, high = low;
         for (int i = 1; i < 5; i++) {
-            double one = dermis_dot(of->normal[i], side);
+            double one = dermis_dot(of->normal[i], side) / length;
             low = dermis_least(low, one), high = dermis_most(high, one);
         }
-        leaning[axis] = (high - low) / dermis_root(dermis_dot(side, side));
+        for (int i = 0; i < 2 && alike; i++) {
+            int from = axis == 0 ? i : 2 * i, to = axis == 0 ? i + 2 : from + 1;
+            double way[3];
+            for (int k = 0; k < 3; k++) way[k] = corners[3 * to + k] - corners[3 * from + k];
+            double one = (of->gap[to] - of->gap[from]) / dermis_root(dermis_dot(way, way));
+            if (dermis_finite(one)) low = dermis_least(low, one), high = dermis_most(high, one);
+        }
+        leaning[axis] = high - low;
     }
 }
 
 /* Return the sides of a cell that may be halved once more, and of these the ones along which the normals lean. */
-static int64_t leaning_of(const dermis_survey *s, int64_t cell, const footprint *of) {
+static int64_t leaning_of(const dermis_survey *s, int64_t cell, const footprint *of, const double *corners) {
     const int64_t *halved = s->halved + 2 * cell;
     double leaning[2];
     int64_t way = 0;
-    lean(s, cell, of, leaning);
+    lean(s, cell, of, corners, leaning);
     for (int axis = 0; axis < 2; axis++)
         if (halved[axis] < s->finest && leaning[axis] > s->odd * leaning[1 - axis]) way |= 1 << axis;
     return way;
@@ -161,12 +179,12 @@ static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, co
     look_about(s, cell, corners, *middle, &of);
     for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of.gap[corner]);
     if (nearest >= s->limits[cell]) return 0;
-    int64_t way = apart(&of) > s->turned || bent(&of) > s->bent ? leaning_of(s, cell, &of) : 0;
+    int64_t way = apart(&of) > s->turned || bent(&of, corners) > s->bent ? leaning_of(s, cell, &of, corners) : 0;
     double inward[3];
     for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
     if (!edges_near(s, at, inward, corners, 8, middle)) return some[way];
     look_about(s, cell, corners + 12, *middle, &of);
-    if (apart(&of) > s->edge) way |= leaning_of(s, cell, &of);
+    if (apart(&of) > s->edge) way |= leaning_of(s, cell, &of, corners + 12);
     return some[way];
 }
 

@@ -2,8 +2,8 @@
 
    A point looks at the bodies from two places that are lifted into the finger, a lift and `ratio` lifts away, and
    extrapolates both distances linearly to itself. On a plane this is the exact gap. At an edge, where the distance from
-   the surface has a kink, the lifted places are outside the body, where distances are smooth. The mean over five places
-   about the point limits how fast the gap turns from cell to cell; how the gradient differs between the places tells
+   the surface has a kink, the lifted places are outside the body, where distances are smooth; kinks in hollows are
+   rounded. The mean over five places about the point limits how fast the gap turns from cell to cell; how the gradient differs between the places tells
    how the normal turns, so that a point looks again only after it has moved. */
 #include "anderson.h"
 #include "float_environment.h"
@@ -125,6 +125,7 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
                     return;
                 }
             }
+            if (!above) dermis_round(t->posed, t->bodies, x, lift, &sight);
             gap += weight * part * sight.gap;
             for (int k = 0; k < 3; k++) each[p][k] += weight * sight.normal[k];
         }

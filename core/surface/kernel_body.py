@@ -50,6 +50,7 @@ class KernelBody:
         vertices = len(topology.vertex_kind)
         self.record = record = records.BodyRecord(None, addressof(tree.record), None, vertices)
         record.closed, record.by_rays = topology.closed, by_rays
+        record.hollow = bool(topology.parts.max(initial=0))
         if rays is not None:
             record.all = addressof(rays.record)
         if other is not None:

@@ -1,7 +1,7 @@
 """PointTree: an adaptive quadtree of the pad's surface, refined where the objects that press into it are curved.
 
 A cell is split along the finger, around the finger, or both ways. It is split in a direction if the object's surface
-normals turn in that direction, or if the gap is not linear over the cell. A cell on an edge of an object is therefore
+normals turn in that direction, or if the gap is not linear over the cell, as at a low step. A cell on an edge of an object is therefore
 short across the edge and long along it. Normals and gap are found at four test points, which lie a little outside the
 cell's own corners, so an object's edge between two cells is detected by both.
 

@@ -3,7 +3,8 @@
 A point looks at the bodies from two places that are lifted into the finger along the skin's normal at rest. Both
 distances are extrapolated linearly to the point itself. On a plane this is the exact gap. At an edge the distance from
 a surface has a kink; the lifted places are outside the body, where distances are smooth. The mean over five places
-about the point limits how much the gap changes from cell to cell. The force acts along the gradient of this gap, so
+about the point limits how much the gap changes from cell to cell. In a hollow and between bodies, where a distance has
+kinks outside as well, the lower look rounds them. The force acts along the gradient of this gap, so
 without friction it is the derivative of the skin's energy.
 
 Skin of linear tissue has several equilibria on an edge that is sharp for its cells: it slips to one side or the other.

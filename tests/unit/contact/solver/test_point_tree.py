@@ -20,6 +20,7 @@ from core.skin.surface_compliance import SurfaceCompliance
 from core.skin.surface_store import surface_compliance
 from core.surface.gap import Surface
 from tests.kernel_arrays import drawn_survey, opened
+from tests.steps import step
 
 AT = 0.5e-3  # depth of a press [m]
 
@@ -72,6 +73,18 @@ def test_cells_are_fine_where_an_edge_is_and_beside_it(pad: SurfaceCompliance, x
     assert under.sum() > 40
     assert halved[under & (off < BEYOND), 1].min() >= 2  # across the edge
     assert halved[under & (off > 1.4e-3), 1].max(initial=0) <= 1
+
+
+@pytest.mark.parametrize("height", [0.2e-3, 0.3e-3, 0.5e-3])
+@pytest.mark.parametrize("x", [-0.42e-3, -0.18e-3, 0.1e-3, 0.3e-3])
+def test_cells_are_fine_across_a_low_step(pad: SurfaceCompliance, height: float, x: float) -> None:
+    """The two faces of a step have the same normal: the gap alone shows where the step is."""
+    body = ContactBody(step(height), translation=np.array([x, 0.0, AT - height]))
+    cells = surveyed(PointTree(pad), body)
+    places, sides = pad.cells.positions[cells], pad.cells.sides[cells]
+    on = (np.abs(places[:, 0] - x) < np.abs(sides[:, 1, 0]) / 2) & (places[:, 2] < places[:, 2].min() + 0.3e-3)
+    assert on.sum() > 5
+    assert pad.chart.tiles.halved[cells][on, 1].min() >= 2
 
 
 def surveyed(tree: PointTree, *bodies: ContactBody) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What points see of bodies: shortcuts of the compiled look."""
+"""What points see of bodies: shortcuts of the compiled look, and hollows, where two faces are equally close."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from core.contact.single_touch import SingleTouch
 from core.contact.solver import smooth_contact
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.path_solver import BONE
@@ -15,15 +16,24 @@ from core.contact.solver.point_solver import REACH
 from core.contact.solver.smooth_contact import SmoothContact
 from core.presets import Library
 from core.shipped import BUILT_IN
+from core.skin.model import fingertip_skin
+from core.skin.surface_compliance import SurfaceCompliance
 from core.skin.surface_store import surface_compliance
 from core.surface.gap import Surface
+from core.surface.plane import Plane
+from tests.steps import step
+
+
+@pytest.fixture(scope="module")
+def pad() -> SurfaceCompliance:
+    made = surface_compliance(Library().skin("index_medium"), shipped=Path(BUILT_IN) / "skins")
+    assert made is not None
+    return made
 
 
 @pytest.mark.parametrize("x", np.arange(-8, 9, 2).tolist())
-def test_a_point_over_one_flat_face_sees_from_one_place_what_it_sees_from_all(x: float) -> None:
+def test_a_point_over_one_flat_face_sees_from_one_place_what_it_sees_from_all(pad: SurfaceCompliance, x: float) -> None:
     """The edge of a block is under the pad, at other distances from the points for each x [mm]."""
-    pad = surface_compliance(Library().skin("index_medium"), shipped=Path(BUILT_IN) / "skins")
-    assert pad is not None
     points = PointSet(pad)
     places = pad.cells.positions[: pad.chart.starts[1]]
     low = np.flatnonzero(places[:, 2] < places[:, 2].min() + 1.5e-3)
@@ -39,3 +49,80 @@ def test_a_point_over_one_flat_face_sees_from_one_place_what_it_sees_from_all(x:
     assert len(near) > 20
     np.testing.assert_allclose(seen.clearance[near], wanted.clearance[near], atol=1e-12)
     np.testing.assert_allclose(seen.normal[near], wanted.normal[near], atol=1e-9)
+
+
+def walls(*angles: float) -> list[ContactBody]:
+    """Return planes through the Y axis, whose normals have these angles to Z [degrees]."""
+    normals = [np.array([np.sin(a), 0.0, np.cos(a)]) for a in np.radians(angles)]
+    return [ContactBody(Plane(normal, np.zeros(3))) for normal in normals]
+
+
+def gaps_of(pad: SurfaceCompliance, bodies: list[ContactBody], where: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return gap and normal of one cell at given places [m], shape (n, 3)."""
+    points, cell = PointSet(pad), np.abs(pad.cells.positions[: pad.chart.starts[1], :2]).sum(axis=1).argmin()
+    points.change(np.zeros(0, dtype=np.int64), np.array([cell]))
+    contact, found = SmoothContact(REACH, BONE), []
+    for place in where:
+        seen = contact.look(points, bodies, (place - points.positions[0])[None])
+        found.append((seen.clearance[0], seen.normal[0]))
+    return np.array([gap for gap, _ in found]), np.array([normal for _, normal in found])
+
+
+@pytest.mark.parametrize("angle", [60.0, 90.0, 120.0], ids=["60", "90", "120"])
+def test_the_gap_turns_steadily_where_two_faces_meet_in_a_hollow(pad: SurfaceCompliance, angle: float) -> None:
+    """Of 60 to 120 degrees, the steps left are those of the upper look, which counts a fifth; kinks of the lower one
+    would turn the normal by 0.2 to 0.3 at once."""
+    bodies = walls(0.0, -angle)
+    x = np.linspace(-1.2e-3, 0.3e-3, 601)
+    _, normals = gaps_of(pad, bodies, np.column_stack([x, 0.0 * x, 0.1e-3 + 0.0 * x]))
+    turns = np.linalg.norm(np.diff(normals, axis=0), axis=1)
+    assert np.linalg.norm(normals[-1] - normals[0]) > 0.5
+    assert turns.max() < 0.08
+
+
+@pytest.mark.parametrize("x", [-0.6e-3, -0.3e-3, -0.2e-3, -0.1e-3, -0.03e-3])
+def test_where_the_gap_is_closed_in_a_hollow_the_normal_is_its_gradient(pad: SurfaceCompliance, x: float) -> None:
+    """Otherwise contact without friction would do work."""
+    bodies, h, low, high = walls(0.0, -90.0), 1e-7, -0.2e-3, 1e-3
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        closed = gaps_of(pad, bodies, np.array([[x, 0.0, middle]]))[0][0] < 0.0
+        low, high = (middle, high) if closed else (low, middle)
+    place = np.array([x, 0.0, low])
+    gap, _ = gaps_of(pad, bodies, place + h * np.vstack([np.eye(3), -np.eye(3)]))
+    _, normal = gaps_of(pad, bodies, place[None])
+    np.testing.assert_allclose((gap[:3] - gap[3:]) / (2.0 * h), normal[0], atol=0.02)
+
+
+def test_a_second_face_below_the_first_changes_nothing(pad: SurfaceCompliance) -> None:
+    """A step's upper edge is convex: high above the floor it is felt as that of a block."""
+    high, block = step(8e-3), Surface.block(0.06, 0.06, 5e-3)
+    one = ContactBody(high, translation=np.array([-1e-3, 0.0, 0.0]))
+    other = ContactBody(block, translation=np.array([-1e-3 + 0.03, 0.0, 8e-3 - block.vertices[:, 2].max()]))
+    x = np.linspace(-2e-3, 1e-3, 61)
+    places = np.column_stack([x, 0.0 * x, 8.05e-3 + 0.0 * x])
+    for seen, wanted in zip(gaps_of(pad, [one], places), gaps_of(pad, [other], places), strict=True):
+        np.testing.assert_allclose(seen, wanted, atol=1e-9)
+
+
+def dragged(friction: float, shift: float) -> tuple[np.ndarray, int]:
+    """Return the force on a finger of draft skin that crosses a low step there and back [N], and the most sweeps."""
+    body = ContactBody(step(0.3e-3), translation=np.array([2.5e-3 + shift, 0.0, 0.0]), friction=friction)
+    touch, forces, sweeps = SingleTouch(fingertip_skin(level="draft"), body, "finger"), [], 0
+    touch.move((0.0, 0.0, 1.2e-3))
+    for way in [-0.1e-3] * 30 + [0.1e-3] * 30:
+        found = touch.move((way, 0.0, 0.0))
+        forces.append(found.nodal.sum(axis=0))
+        sweeps = max(sweeps, found.solution.iterations)
+    return np.array(forces), sweeps
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_finger_at_the_foot_of_a_step_does_not_feel_a_nanometre(friction: float) -> None:
+    """Where a point saw one of two faces alone, 1 nm changed the force by up to 9 %, and frames did not converge."""
+    (plain, sweeps), (shifted, _) = dragged(friction, 0.0), dragged(friction, 1e-9)
+    largest = np.linalg.norm(plain, axis=1).max()
+    assert sweeps < smooth_contact.MOST_SWEEPS
+    assert np.linalg.norm(shifted - plain, axis=1).max() < 0.01 * largest
+    if friction == 0.0:
+        assert np.linalg.norm(plain[:29] - plain[30:-1][::-1], axis=1).max() < 0.01 * largest

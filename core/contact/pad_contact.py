@@ -54,6 +54,8 @@ class PadContact:
         fingers, bodies, screens: object-to-world matrices, shape (count, n, 4, 4).
         pairs: contact of each pair, by the indices of finger and body.
         centres: centres of gravity of deforming bodies in their own space [m], shape (n, 3), by the index of the body.
+        apart: least distance between a pad's centre and the bounding box of a deforming body [m], and its sample, by
+            the indices of finger and body.
         animated: animated parameters over the whole range, by name, shape (n,).
         skipped: amounts of work that were left out, by name.
         findings: repairs, and doubts about surfaces.
@@ -68,6 +70,7 @@ class PadContact:
     screens: Array
     pairs: Mapping[tuple[int, int], PairContact] = field(default_factory=dict)
     centres: Mapping[int, Array] = field(default_factory=dict)
+    apart: Mapping[tuple[int, int], tuple[float, int]] = field(default_factory=dict)
     animated: Mapping[str, Array] = field(default_factory=dict)
     skipped: Mapping[str, int] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()

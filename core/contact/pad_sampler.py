@@ -35,7 +35,7 @@ from .pair_record import PairRecord
 from .search_radius import SearchRadius
 from .solver.bodies import BONE
 from .stretch_rates import StretchRates
-from .surfaces import alike, bounds_in_world, box_of, boxes_in_world, carried, rigid_mesh, surface_of
+from .surfaces import alike, bounds_in_world, box_distances, box_of, boxes_in_world, carried, rigid_mesh, surface_of
 
 
 class _Map(NamedTuple):
@@ -69,6 +69,7 @@ class PadSampler:
         self._maps: dict[int, _Map] = {}  # the last of each body: most bodies keep theirs from chunk to chunk
         self._stretched: dict[int, tuple[Mesh, Array, Surface]] = {}
         self._centres: dict[int, list[Array]] = {}
+        self._apart: dict[tuple[int, int], tuple[float, int]] = {}  # see `PadContact.apart`
         self._repairs = Repairs()
         self._rates = StretchRates()
         self._skipped = {"pair_samples_far": 0, "surfaces_far": 0}
@@ -159,6 +160,7 @@ class PadSampler:
             screens=np.concatenate([c.screens for c in self._chunks], axis=1),
             pairs=pairs,
             centres={b: held_centres(np.concatenate(parts)) for b, parts in self._centres.items()},
+            apart={key: (far, sample - first) for key, (far, sample) in self._apart.items()},
             animated=animated,
             skipped={k: v for k, v in self._skipped.items() if v},
             findings=(*self._repairs.findings(), *(f for b in sorted(noted) for f in noted[b])),
@@ -179,6 +181,8 @@ class PadSampler:
             near: NDArray[np.bool_] = np.logical_and.reduce(inside, axis=2)
             if self._others:
                 near[self._others] = False
+            if b in chunk.surfaces:
+                self._note_apart(b, pads, middle, half)
             who, samples = near.nonzero()
             self._skipped["pair_samples_far"] += total - samples.size
             if samples.size:
@@ -186,6 +190,13 @@ class PadSampler:
             elif b in chunk.surfaces:
                 self._skipped["surfaces_far"] += len(chunk.times)
         self._deforming.leave(chunk)
+
+    def _note_apart(self, b: int, pads: Array, middle: Array, half: Array) -> None:
+        """Note how near the pads come to the boxes of a deforming body, whose surfaces are not kept."""
+        apart = box_distances(pads, middle, half)
+        for f, (sample, far) in enumerate(zip(apart.argmin(axis=1).tolist(), apart.min(axis=1).tolist(), strict=True)):
+            if far < self._apart.get((f, b), (np.inf, 0))[0]:
+                self._apart[f, b] = far, self._count + sample
 
     def _within(self, chunk: Chunk, bodies: Array, pads: Array) -> list[int]:
         """Return the bodies that may come within reach in a chunk, and all that deform or whose centre is recorded.

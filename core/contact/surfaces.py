@@ -110,3 +110,14 @@ def boxes_in_world(poses: Array, boxes: Array) -> tuple[Array, Array]:
     linear, low, high = poses[..., :3, :3], boxes[..., 0, :], boxes[..., 1, :]
     middle, half = (low + high) / 2, (high - low) / 2
     return (linear @ middle[..., None])[..., 0] + poses[..., :3, 3], (np.abs(linear) @ half[..., None])[..., 0]
+
+
+def box_distances(points: Array, middle: Array, half: Array) -> Array:
+    """Return the distances of points from boxes along the world's axes [m], shape (...); 0 inside.
+
+    Args:
+        points: [m], shape (..., 3).
+        middle, half: centre and half size of the box of each point [m], shape (..., 3).
+    """
+    over = (np.abs(points - middle) - half).clip(min=0.0)
+    return np.asarray(np.sqrt((over * over).sum(axis=-1)))

@@ -24,10 +24,11 @@ from typing import TYPE_CHECKING
 from ..devices.kinds import KINDS
 from ..devices.mechanism import kind_of
 from ..devices.spec import DeviceSpec
+from ..parameters.finger import FINGER
 from ..parameters.skin import SKIN_CONTACT
 from ..presets import Library
 from ..scene.content_hash import ContentHash
-from ..scene.tactile_scene import TactileScene, unknown_settings
+from ..scene.tactile_scene import DeviceUse, TactileScene, unknown_settings
 from ..steps import drain
 from ..version import made_by
 from .bake import Bake, Progress
@@ -91,6 +92,10 @@ def render(
     else:
         pad_contact, skin_contacts = yield from touched(scene, chunks, models, clock)
     findings += pad_contact.findings
+    if models or uses:
+        from ..contact.closest_approach import nothing_touched
+
+        findings += nothing_touched(scene, pad_contact, skin_contacts, _by_pad(scene, uses))
     skipped = Counter(pad_contact.skipped)
     skipped["fingers_unchanged"] = unchanged
     skipped["fingers_without_skin"] = len(scene.fingers) - len(needed)
@@ -142,6 +147,12 @@ def run(scene: TactileScene, library: Library | None = None) -> Bake:
         DermisError: the scene cannot be rendered at all (see `TactileScene.validate`).
     """
     return drain(render(scene, library or Library()))
+
+
+def _by_pad(scene: TactileScene, uses: list[tuple[int, DeviceUse, DeviceSpec]]) -> set[int]:
+    """Return the fingers with a device that follows the touch of the pad's centre, and no pattern or screen."""
+    by_pad = {f for f, _, spec in uses if not spec.follows_skin and kind_of(spec).drawn != "screen"}
+    return {f for f in by_pad if FINGER["pattern"].of(scene.fingers[f].parameters) == "none"}
 
 
 def _full_hash(content: ContentHash, specs: list[DeviceSpec], tables: list[str]) -> str:

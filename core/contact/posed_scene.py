@@ -65,6 +65,10 @@ class PosedScene:
         for body in self._bodies:
             body.cut()
 
+    def name(self, b: int) -> str:
+        """Return the name of body `b`."""
+        return self._headers[b].name
+
     def turns(self) -> Array:
         """Return the fingers' rotations to the world, shape (F, n, 3, 3)."""
         if self._turns is None:

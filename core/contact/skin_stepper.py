@@ -25,6 +25,7 @@ from ..skin.surface_store import no_smooth_pad, smooth_pad
 from ..surface.gap import Surface
 from .coarse_touches import CoarseTouches
 from .compliant_bone import BoneStep, CompliantBone, touch_depth
+from .doubtful_touches import DoubtfulTouches
 from .posed_scene import PosedScene
 from .proximity import Proximity
 from .sample_window import Approach
@@ -75,6 +76,7 @@ class SkinStepper:
         self._bone: CompliantBone | None = None
         self._idle = 0  # samples before `bone` was made
         self._coarse = None if self.on_points else CoarseTouches(skin.mesh, self.name)
+        self._doubts = DoubtfulTouches(self.name, lambda index: scene.name(self._order[index]))
         self.far = 0
         self._scene = scene
         low, high = skin.positions.min(axis=0), skin.positions.max(axis=0)
@@ -229,6 +231,7 @@ class SkinStepper:
             self._coarse.take(solution, frame)
         if self.surface is None or not isinstance(solver, PointSolver) or not solution.loaded.any():
             return _skin_step(bone)
+        self._doubts.take(bone.step, frame)
         loaded = solution.loaded.nonzero()[0]
         points = PointForces(self.surface, solver.cells[loaded], solution.force[loaded], bone.step.amounts)
         return _skin_step(bone, points)
@@ -243,7 +246,7 @@ class SkinStepper:
         """Return the state between two samples, for `restore`: a sample may then be solved anew."""
         coarse = None if self._coarse is None else self._coarse.save()
         bone = None if self._bone is None else self._bone.save()
-        return {"bone": bone, "idle": self._idle, "far": self.far, "coarse": coarse}
+        return {"bone": bone, "idle": self._idle, "far": self.far, "coarse": coarse, "doubts": self._doubts.save()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state."""
@@ -253,6 +256,7 @@ class SkinStepper:
             self._bone.restore(self._at_first)
             self._bone.idle(state["idle"])
         self._idle, self.far = state["idle"], state["far"]
+        self._doubts.restore(state["doubts"])
         if self._coarse is not None:
             self._coarse.restore(state["coarse"])
 
@@ -261,7 +265,7 @@ class SkinStepper:
         """Samples that did not converge, went too deep or exceeded a force limit, and doubts about the resolution."""
         coarse = () if self._coarse is None else self._coarse.findings
         own = () if self._bone is None else self._bone.solver.findings + self._bone.findings
-        return self._told + own + coarse
+        return self._told + own + coarse + self._doubts.findings
 
     @property
     def counters(self) -> Mapping[str, int]:

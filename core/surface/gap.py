@@ -36,6 +36,7 @@ from .kernel_body import KernelBody
 from .pieces import pieces
 from .plain_triangles import PlainTriangles
 from .roundness import roundness
+from .sharp_places import SharpPlaces, sharp_places
 from .surface_normals import SurfaceNormals
 from .topology import Topology, topology_of
 from .triangle_tree import TriangleTree
@@ -181,6 +182,11 @@ class Surface:
     def roundness(self) -> float:
         """Radius of the sharpest convex bend [m], see `roundness`."""
         return roundness(self.table, self.topology)
+
+    @cached_property
+    def sharp_places(self) -> SharpPlaces:
+        """Corners, hollow edges and open rims."""
+        return sharp_places(self.vertices, self.table, self.topology)
 
     @cached_property
     def box(self) -> Array:

@@ -1,0 +1,176 @@
+"""DoubtfulTouches: detection of touches whose forces may hang on what nobody sees, such as a shift by a micrometre.
+
+Contact on points has several solutions, or nearly so, at the corners of blocks, in hollow edges and beside the rims of
+open sheets. `python -m tests.stress.sharp` measures by how much forces change there; `presets/ACCURACY.md` has the
+table, of which the constants below are read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ..arrays import Array
+from ..errors import Finding
+from ..surface.gap import Surface
+from .solver.bodies import ContactBody
+from .solver.path_step import PathStep
+from .solver.smooth_contact import LIFT, RATIO, SPREAD
+
+# Largest distances between a loaded point and a sharp place by which it is touched [m]. BESIDE: a point looks from
+# places up to SPREAD along both sides of its cell, so a corner within the diagonal of that shows. ABOVE: it looks from
+# as high as the upper lift, where a wall as far away is as near as the floor.
+BESIDE, ABOVE = np.sqrt(2.0) * SPREAD, RATIO * LIFT
+# Cosine above which a loaded point faces like a side of a hollow edge: half of a right angle, so that the skin is
+# counted to the nearer of two sides that meet at a right angle.
+ALIKE = np.cos(np.pi / 4.0)
+
+
+class Doubt(NamedTuple):
+    """One kind of doubt.
+
+    Attributes:
+        code, what, remedy: of the finding.
+        change: largest change of the force that was measured, in words.
+        friction: coefficient from which on no doubt remains.
+    """
+
+    code: str
+    what: str
+    change: str
+    friction: float
+    remedy: str
+
+
+CORNER = Doubt(
+    "sharp-corner",
+    "the skin touches a sharp corner",
+    "",
+    np.inf,
+    "Round the corner by 0.5 mm or more, or give the object more friction",
+)
+HOLLOW = Doubt(
+    "hollow-edge",
+    "the skin touches both sides of a sharp hollow edge, as at the foot of a step",
+    "",
+    np.inf,
+    "Round the hollow by 0.5 mm or more, or do not press into it",
+)
+RIM = Doubt(
+    "open-rim",
+    "the skin touches an open surface at its rim",
+    "",
+    np.inf,
+    "Continue the surface beyond the touch, give it a thickness, or give it more friction",
+)
+
+
+class DoubtfulTouches:
+    """Monitor of one finger's contact on points, sample after sample. Each doubt is told once for each body.
+
+    Args:
+        name: name of the finger, for the findings.
+        body_name: function that returns the name of a body, given its index in the solver.
+    """
+
+    def __init__(self, name: str, body_name: Callable[[int], str]) -> None:
+        self._name, self._body_name = name, body_name
+        self._told: dict[tuple[str, int], Finding] = {}
+
+    def take(self, step: PathStep, frame: float) -> None:
+        """Take a sample.
+
+        Args:
+            step: its solution.
+            frame: its scene frame.
+        """
+        gaps, loaded = step.gaps, step.solution.loaded
+        if gaps is None or step.work != "solved":
+            return
+        owners = gaps.body[loaded]
+        for index in np.unique(owners).tolist():
+            body = gaps.bodies[index]
+            if body.deforms or not isinstance(body.surface, Surface):
+                continue
+            doubts = [d for d in _possible(body) if (d.code, index) not in self._told]
+            if not doubts:
+                continue
+            mine = loaded.nonzero()[0][owners == index]
+            at = body.local(step.points[mine] + step.displacement[mine])[0]
+            for doubt in doubts:
+                if _TESTS[doubt.code](body, at, gaps.normal[mine]):
+                    where = f"{self._name}, object '{self._body_name(index)}'"
+                    self._told[doubt.code, index] = Finding(
+                        "warning", doubt.code, doubt.what, where, doubt.change, remedy=doubt.remedy, frame=frame
+                    )
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """The findings so far, in the order of their frames."""
+        return tuple(self._told.values())
+
+    def save(self) -> dict[tuple[str, int], Finding]:
+        """Return the state between two samples, for `restore`."""
+        return dict(self._told)
+
+    def restore(self, state: dict[tuple[str, int], Finding]) -> None:
+        """Go back to a saved state."""
+        self._told = dict(state)
+
+
+def _possible(body: ContactBody) -> list[Doubt]:
+    """Return the doubts that a body's shape and friction allow."""
+    assert isinstance(body.surface, Surface)
+    places = body.surface.sharp_places
+    kinds = ((CORNER, places.corners), (HOLLOW, places.hollows), (RIM, places.rims))
+    return [doubt for doubt, some in kinds if len(some) and body.friction < doubt.friction]
+
+
+def _corner(body: ContactBody, at: Array, _: Array) -> bool:
+    assert isinstance(body.surface, Surface)
+    corners = body.surface.sharp_places.corners
+    corners = corners[_inside(corners[:, None], at, BESIDE)]
+    return any(bool((((at - corner) ** 2).sum(axis=1) < BESIDE**2).any()) for corner in corners)
+
+
+def _rim(body: ContactBody, at: Array, _: Array) -> bool:
+    assert isinstance(body.surface, Surface)
+    rims = body.surface.sharp_places.rims
+    return any(bool((_distances(at, rim) < ABOVE).any()) for rim in rims[_inside(rims, at, ABOVE)])
+
+
+def _hollow(body: ContactBody, at: Array, normals: Array) -> bool:
+    assert isinstance(body.surface, Surface)
+    places = body.surface.sharp_places
+    close = _inside(places.hollows, at, ABOVE)
+    if not close.any():
+        return False
+    faces = normals @ body.rotation
+    for ends, sides in zip(places.hollows[close], places.sides[close], strict=True):
+        near = _distances(at, ends) < ABOVE
+        if near.any() and (faces[near] @ sides.T > ALIKE).any(axis=0).all():
+            return True
+    return False
+
+
+_TESTS: dict[str, Callable[[ContactBody, Array, Array], bool]] = {
+    CORNER.code: _corner,
+    HOLLOW.code: _hollow,
+    RIM.code: _rim,
+}
+
+
+def _inside(ends: Array, at: Array, reach: float) -> Array:
+    """Return which of some segments, shape (k, 2, 3), may be within reach of points [m], shape (n, 3)."""
+    low, high = at.min(axis=0) - reach, at.max(axis=0) + reach
+    return np.asarray(((ends.min(axis=1) <= high) & (ends.max(axis=1) >= low)).all(axis=1))
+
+
+def _distances(points: Array, ends: Array) -> Array:
+    """Return the distances of points from a segment [m], shape (n,)."""
+    along = ends[1] - ends[0]
+    share = np.clip((points - ends[0]) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
+    off = points - ends[0] - share[:, None] * along
+    return np.asarray(np.sqrt((off * off).sum(axis=1)))

@@ -1,5 +1,6 @@
 """DoubtfulTouches: detection of touches whose forces may hang on what nobody sees, such as a shift by a micrometre.
 
+Where faces of two bodies coincide, the skin can follow the friction of one of them only, see `by_precedence`.
 Contact on points has several solutions, or nearly so, at the corners of blocks, in hollow edges and beside the rims of
 open sheets. `python -m tests.stress.sharp` measures by how much forces change there; `presets/ACCURACY.md` has the
 table, of which the constants below are read.
@@ -7,7 +8,7 @@ table, of which the constants below are read.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from ..arrays import Array
 from ..errors import Finding
 from ..surface.gap import Surface
-from .solver.bodies import ContactBody
+from .solver.bodies import TIE, TURN, ContactBody, boxes_meet
 from .solver.path_step import PathStep
 from .solver.smooth_contact import LIFT, RATIO, SPREAD
 
@@ -26,6 +27,10 @@ BESIDE, ABOVE = np.sqrt(2.0) * SPREAD, RATIO * LIFT
 # Cosine above which a loaded point faces like a side of a hollow edge: half of a right angle, so that the skin is
 # counted to the nearer of two sides that meet at a right angle.
 ALIKE = np.cos(np.pi / 4.0)
+COINCIDE = "bodies-coincide"
+# Largest number of loaded points that are looked at in a sample for faces of other bodies, and largest distance of such
+# a point from the surface that it touches [m]: edges are rounded for the skin by less.
+LOOKS, NEAR = 16, LIFT
 
 
 class Doubt(NamedTuple):
@@ -77,45 +82,64 @@ class DoubtfulTouches:
 
     def __init__(self, name: str, body_name: Callable[[int], str]) -> None:
         self._name, self._body_name = name, body_name
-        self._told: dict[tuple[str, int], Finding] = {}
+        self._told: dict[tuple[str | int, ...], Finding] = {}  # by code and bodies
 
-    def take(self, step: PathStep, frame: float) -> None:
+    def take(self, step: PathStep, frame: float, *, on_points: bool = True) -> None:
         """Take a sample.
 
         Args:
             step: its solution.
             frame: its scene frame.
+            on_points: whether contact is solved on points; if not, sharp places are as doubtful as all edges.
         """
-        gaps, loaded = step.gaps, step.solution.loaded
+        gaps, loaded = step.gaps, step.solution.loaded.nonzero()[0]
         if gaps is None or step.work != "solved":
             return
         owners = gaps.body[loaded]
         for index in np.unique(owners).tolist():
             body = gaps.bodies[index]
-            if body.deforms or not isinstance(body.surface, Surface):
+            if not isinstance(body.surface, Surface):
                 continue
-            doubts = [d for d in _possible(body) if (d.code, index) not in self._told]
-            if not doubts:
+            mine = loaded[owners == index]
+            doubts = [d for d in _possible(body) if (d.code, index) not in self._told] if on_points else []
+            others = [k for k in _differing(gaps.bodies, index) if (COINCIDE, *sorted((index, k))) not in self._told]
+            if not doubts and not others:
                 continue
-            mine = loaded.nonzero()[0][owners == index]
             at = body.local(step.points[mine] + step.displacement[mine])[0]
+            where = f"{self._name}, object '{self._body_name(index)}'"
             for doubt in doubts:
                 if _TESTS[doubt.code](body, at, gaps.normal[mine]):
-                    where = f"{self._name}, object '{self._body_name(index)}'"
                     self._told[doubt.code, index] = Finding(
                         "warning", doubt.code, doubt.what, where, doubt.change, remedy=doubt.remedy, frame=frame
                     )
+            for other in others:
+                place = _coinciding(body, gaps.bodies[other], at)
+                if place is not None:
+                    self._told[COINCIDE, *sorted((index, other))] = self._coincide(where, other, place, frame)
+
+    def _coincide(self, where: str, other: int, place: Array, frame: float) -> Finding:
+        own = ", ".join(f"{1e3 * x:.3g}" for x in place)
+        return Finding(
+            "warning",
+            COINCIDE,
+            f"its surface lies in that of object '{self._body_name(other)}': its own friction and softness are felt there",
+            where,
+            f"({own}) mm in its own axes",
+            f"> {1e6 * TIE:g} um apart",
+            "Move one away from the other, delete one, or give both the same material",
+            frame,
+        )
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """The findings so far, in the order of their frames."""
         return tuple(self._told.values())
 
-    def save(self) -> dict[tuple[str, int], Finding]:
+    def save(self) -> dict[tuple[str | int, ...], Finding]:
         """Return the state between two samples, for `restore`."""
         return dict(self._told)
 
-    def restore(self, state: dict[tuple[str, int], Finding]) -> None:
+    def restore(self, state: dict[tuple[str | int, ...], Finding]) -> None:
         """Go back to a saved state."""
         self._told = dict(state)
 
@@ -123,9 +147,43 @@ class DoubtfulTouches:
 def _possible(body: ContactBody) -> list[Doubt]:
     """Return the doubts that a body's shape and friction allow."""
     assert isinstance(body.surface, Surface)
+    if body.deforms:  # its sharp places would have to be found in every frame
+        return []
     places = body.surface.sharp_places
     kinds = ((CORNER, places.corners), (HOLLOW, places.hollows), (RIM, places.rims))
     return [doubt for doubt, some in kinds if len(some) and body.friction < doubt.friction]
+
+
+def _differing(bodies: Sequence[ContactBody], index: int) -> list[int]:
+    """Return the bodies whose friction or softness differs from that of one."""
+    one = bodies[index]
+    return [
+        k
+        for k, body in enumerate(bodies)
+        if not body.away and (body.friction, body.softness) != (one.friction, one.softness)
+    ]
+
+
+def _coinciding(body: ContactBody, other: ContactBody, at: Array) -> Array | None:
+    """Return a place at which faces of two bodies coincide, in the space of the first [m], shape (3,), or None.
+
+    Args:
+        at: loaded points in the space of the first body [m], shape (n, 3).
+    """
+    assert isinstance(body.surface, Surface)
+    if not isinstance(other.surface, Surface):
+        return None
+    some = at[:: len(at) // LOOKS + 1]
+    there = other.local(some @ body.rotation.T + body.translation)[0]
+    if not boxes_meet(there, other.surface.box, NEAR):
+        return None
+    own = body.surface.query(some, NEAR)
+    known = own.triangle >= 0
+    moved = other.local(own.point[known] @ body.rotation.T + body.translation)[0]
+    found = other.surface.query(moved, 2.0 * TIE)
+    turn = own.normal[known] @ body.rotation.T @ other.rotation - found.normal
+    same = (found.triangle >= 0) & (np.abs(found.gap) < TIE) & ((turn * turn).sum(axis=1) < TURN * TURN)
+    return np.asarray(own.point[known][same][0]) if same.any() else None
 
 
 def _corner(body: ContactBody, at: Array, _: Array) -> bool:

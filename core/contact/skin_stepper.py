@@ -229,9 +229,9 @@ class SkinStepper:
         self._gaps = bone.step.gaps
         if self._coarse is not None:
             self._coarse.take(solution, frame)
+        self._doubts.take(bone.step, frame, on_points=self.on_points)
         if self.surface is None or not isinstance(solver, PointSolver) or not solution.loaded.any():
             return _skin_step(bone)
-        self._doubts.take(bone.step, frame)
         loaded = solution.loaded.nonzero()[0]
         points = PointForces(self.surface, solver.cells[loaded], solution.force[loaded], bone.step.amounts)
         return _skin_step(bone, points)

@@ -14,6 +14,11 @@
 #define ABOVE 0.4e-3
 /* A second face counts only if it reduces the width of a kink by more than this, for rounding [m]. */
 #define ROUNDING 1e-10
+/* TIE: two faces coincide for a point if its gaps to them differ by less than this [m], single precision some metres
+   from the origin, as TIE in `bodies.py`; and if their normals turn by less than TURN [rad]: over a finest cell of
+   0.1 mm, a larger turn takes them farther apart than TIE. */
+#define TIE 1e-6
+#define TURN 0.01
 
 /* Convert a point from the frame of the skin to that of a body. */
 static void localised(const dermis_posed *posed, const double *x, double *local) {
@@ -55,6 +60,13 @@ static int64_t measure(const dermis_posed *posed, const double *x, double limit,
     return triangle;
 }
 
+/* Whether two unit normals turn by less than TURN. */
+static int parallel(const double *one, const double *other) {
+    double apart[3];
+    for (int k = 0; k < 3; k++) apart[k] = one[k] - other[k];
+    return dermis_dot(apart, apart) < TURN * TURN;
+}
+
 void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, double behind, const double *x, const double *inward, dermis_sight *sight) {
     double best = limit;
     int64_t before = sight->body, hint = sight->slot;
@@ -76,6 +88,10 @@ void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, double
             gap -= ABOVE * dermis_dot(out, inward);
         }
         if (gap >= best) continue;
+        if (sight->body >= 0 && gap > best - TIE && parallel(out, sight->normal)) {
+            best = sight->gap = gap;
+            continue;
+        }
         best = sight->gap = gap, sight->body = b, sight->triangle = on, sight->slot = slot;
         for (int k = 0; k < 3; k++) sight->normal[k] = out[k];
     }

@@ -16,7 +16,8 @@ typedef struct {
 
 /* Find the body that is closest to a point x of the skin [m].
 
-   The far side of a thin body is ignored, even if the skin is pressed in so far that this side is closer.
+   The far side of a thin body is ignored, even if the skin is pressed in so far that this side is closer. If faces of
+   several bodies coincide, the first of these bodies is found.
 
    limit: largest distance outside a body [m]. behind: how far behind a soft open sheet a point is found, if this is
    more than the limit [m]. inward: unit vector into the finger at x (3). sight: in, a hint, see `slot`; out, the result. */

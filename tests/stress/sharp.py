@@ -35,6 +35,7 @@ from .tolerances import INVARIANCE
 
 Array = NDArray[np.float64]
 FRICTIONS = (0.0, 0.1, 0.3, 0.6)
+SPEED, DEPTH, SLIDE = (50e-3, 200e-3), (0.5e-3, 1.5e-3), (2e-3, 4e-3)  # as `placed.draw`, slow and shallow ones aside
 SHIFTS = (1e-9, 1e-6)  # [m]
 SHIFTED, BACK = INVARIANCE["shifted"], INVARIANCE["back"]
 WIDE, HIGH = 12e-3, 10e-3  # of the solids, so that nothing else of them is touched [m]
@@ -43,21 +44,21 @@ KINDS = {"corner": CORNER.code, "foot": HOLLOW.code, "rim": RIM.code}
 
 def draw(kind: str, friction: float, seed: int) -> Values:
     """Draw a touch; the same seed draws the same one for each friction."""
-    dice = Dice(f"sharp {kind}", seed)
+    dice = Dice(f"sharp place, {kind}", seed)
     return {
         "kind": kind,
         "friction": friction,
         "angle": dice.between(*{"corner": (40.0, 170.0), "foot": (35.0, 90.0), "rim": (60.0, 180.0)}[kind]),
         "rise": dice.between(0.15e-3, 0.6e-3),
         "path": dice.one_of("press", "slide"),
-        "speed": dice.decades(50e-3, 100e-3),
-        "depth": dice.between(0.5e-3, 1.0e-3),
-        "slide": dice.between(1e-3, 2e-3),
+        "speed": dice.decades(*SPEED),
+        "depth": dice.between(*DEPTH),
+        "slide": dice.between(*SLIDE),
         "way": dice.between(-180.0, 180.0),
         "x": dice.between(-1e-3, 1e-3) + (0.0 if kind != "rim" else dice.between(-1e-3, 5e-3)),
         "y": dice.between(-1e-3, 1e-3),
-        "tilt": dice.between(-8.0, 8.0),
-        "roll": dice.between(-8.0, 8.0),
+        "tilt": dice.between(-10.0, 10.0),
+        "roll": dice.between(-10.0, 10.0),
         "yaw": dice.between(-180.0, 180.0),
         "random": dice.whole(0, 10**6),
     }

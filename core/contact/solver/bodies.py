@@ -24,8 +24,11 @@ from .cone import along
 from .sides import dot, passed_through
 
 # A node changes to another body only if that is nearer by more than this [m]. Between two bodies at the same height,
-# rounding then does not decide.
+# rounding then does not decide. It is a step of single precision 8 m from the origin.
 TIE = 1e-6
+# Faces coincide if they are within TIE and their normals turn by less than this [rad]: over 0.1 mm, the finest cell of
+# skin, a larger turn takes them farther apart.
+TURN = 0.01
 # A point inside a finger [m]. An open surface is touched on the side of this point.
 BONE = np.array([0.0, 0.0, 0.006])
 
@@ -167,6 +170,23 @@ def paired(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> Iterator
     return zip_longest(one, other, fillvalue=AWAY)
 
 
+def by_precedence(bodies: Sequence[ContactBody]) -> list[int]:
+    """Return the indices of bodies in the order in which they prevail where their faces coincide.
+
+    Their own order does not matter: it is the body with most friction that prevails, since it holds skin that slips on
+    all others; of bodies with the same friction the stiffest, and of these the one whose surface begins lower.
+    """
+    if len(bodies) < 2:
+        return [*range(len(bodies))]
+
+    def key(index: int) -> tuple[float, float, list[float]]:
+        body = bodies[index]
+        box = body.surface.box.ravel().tolist() if isinstance(body.surface, Surface) else []
+        return -body.friction, body.softness, box
+
+    return sorted(range(len(bodies)), key=key)
+
+
 def same_places(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> bool:
     """Return whether all bodies have the same surfaces, poses and properties at two instants."""
     return all(a.same_place(b) for a, b in paired(one, other))
@@ -204,7 +224,8 @@ def node_gaps(
     """
     places = np.ascontiguousarray(points if expected is None else expected.places)
     points, found = np.ascontiguousarray(points), None
-    for index, body in enumerate(bodies):
+    for index in by_precedence(bodies):
+        body = bodies[index]
         if body.away:
             continue
         surface = body.surface
@@ -215,9 +236,11 @@ def node_gaps(
         if found is None or told is None:
             found = told if found is None else found
             continue
-        lead = 0.0
+        turn = told[2] - found[2]
+        lead = np.where(np.einsum("ij,ij->i", turn, turn) < TURN * TURN, -TIE, 0.0)
         if expected is not None:
-            lead = TIE * np.subtract(expected.body == index, expected.body == found[3], dtype=np.float64)
+            ours_before, others_before = expected.body == index, expected.body == found[3]
+            lead = np.where(ours_before, TIE, np.where(others_before, -TIE, lead))
         closer = ((told[3] >= 0) & (told[1] < found[1] + lead)).nonzero()[0]
         for ours, others in zip(found, told, strict=True):
             ours[closer] = others[closer]

@@ -11,7 +11,7 @@ import numpy as np
 from ...arrays import Array
 from ...kernels import records
 from ...surface.gap import Surface
-from .bodies import ContactBody, boxes_meet
+from .bodies import ContactBody, boxes_meet, by_precedence
 
 # UNIQUE: radius of an edge from which contact has one state on cells of 0.2 mm [m]. ROUNDED: radius that the largest
 # lift adds to an edge [m]. ROUND: least share of the lift.
@@ -21,7 +21,7 @@ UNIQUE, ROUNDED, ROUND = 0.45e-3, 0.25e-3, 1.0 / 3.0
 def posed_records(
     bodies: Sequence[ContactBody], points: Array, reach: float, bone: Array
 ) -> tuple[list[int], Records[records.PosedRecord]]:
-    """Return the indices of the bodies within reach of points, and an array with a record of each.
+    """Return the indices of the bodies within reach of points, by precedence, and an array with a record of each.
 
     The array has at least one record. The records point to the bodies' surfaces, so the bodies must exist as long.
 
@@ -31,7 +31,7 @@ def posed_records(
         reach: largest distance [m].
         bone: a point inside the finger [m], shape (3,).
     """
-    near = [i for i, body in enumerate(bodies) if in_reach(body, points, reach)]
+    near = [i for i in by_precedence(bodies) if in_reach(bodies[i], points, reach)]
     posed = (records.PosedRecord * max(len(near), 1))()
     for record, i in zip(posed, near, strict=False):
         _pose(record, bodies[i], bone)

@@ -1,0 +1,59 @@
+"""Touches that hang on what nobody sees: faces of two bodies in one place, and sharp places."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from core.errors import Finding
+from core.pipeline.bake import Bake
+from core.pipeline.render import run
+from core.presets import Library
+from core.scene.from_poses import scene_from_poses
+from core.scene.tactile_scene import Body, Finger, Mesh
+from core.surface import shapes
+from core.surface.gap import Surface
+
+RATE, COUNT = 240.0, 8
+
+
+def dragged(bodies: list[tuple[Body, np.ndarray]], **given: object) -> Bake:
+    """What a finger feels of bodies that rise into its pad, 0.4 mm deep, and are drawn along it by 0.5 mm."""
+    t = np.linspace(0.0, 2.0, COUNT)
+    way = np.stack([0.5e-3 * np.maximum(t - 1.0, 0.0), 0.0 * t, -0.1e-3 + 0.5e-3 * np.minimum(t, 1.0)], axis=1)
+    finger = Finger("Index", (), {"skin_shown": True, "skin_level": "draft", **given})
+    return run(
+        scene_from_poses(RATE, [(finger, (0.0, 0.0, 0.0))], [(body, way + at) for body, at in bodies]), Library()
+    )
+
+
+def told(bake: Bake, code: str) -> list[Finding]:
+    return [f for f in bake.all_findings if f.code == code]
+
+
+def block(friction: float, name: str, moved: tuple[float, float] = (0.0, 0.0)) -> Body:
+    """A block whose top is at z = 0 as it stands, its corners elsewhere for another `moved` [m]."""
+    vertices, triangles = shapes.block(30e-3, 30e-3, 10e-3)
+    return Body(name, Mesh(vertices + [*moved, 0.0], triangles.astype(np.int32)), {"friction": friction})
+
+
+@pytest.mark.parametrize(("contact", "shift"), [("points", 0.0), ("points", 0.4e-6), ("nodes", 1e-9)])
+def test_of_two_bodies_in_one_place_friction_decides_and_not_their_order(contact: str, shift: float) -> None:
+    # the slippery one is a little higher, cut elsewhere, and its origin is elsewhere
+    rough, smooth = block(0.8, "rough"), block(0.2, "smooth", (1.7e-3, -0.6e-3))
+    both = [(rough, np.zeros(3)), (smooth, np.array([-1.7e-3, 0.6e-3, shift]))]
+    one, other, alone = (dragged(bodies, contact=contact) for bodies in (both, both[::-1], both[:1]))
+    felt, again, rather = (bake.skins["Index"] for bake in (one, other, alone))
+    assert felt.tangential_force.max() > 0.1
+    np.testing.assert_allclose(again.force, felt.force, rtol=0.0, atol=1e-3 * felt.force.max())
+    near = 1e-3 if shift < 1e-8 else 0.01
+    np.testing.assert_allclose(felt.tangential_force, rather.tangential_force, atol=near * felt.tangential_force.max())
+    for bake in (one, other):
+        (found,) = told(bake, "bodies-coincide")
+        assert found.where == "finger 'Index', object 'rough'" and "'smooth'" in found.what and found.frame is not None
+
+
+def test_bodies_apart_or_of_one_material_are_not_told() -> None:
+    apart = [(block(0.8, "a"), np.zeros(3)), (block(0.2, "b"), np.array([0.0, 0.0, -20e-6]))]
+    alike = [(block(0.5, "a"), np.zeros(3)), (block(0.5, "b"), np.zeros(3))]
+    assert not told(dragged(apart), "bodies-coincide") and not told(dragged(alike), "bodies-coincide")

@@ -122,7 +122,7 @@ class DoubtfulTouches:
         return Finding(
             "warning",
             COINCIDE,
-            f"its surface lies in that of object '{self._body_name(other)}': its own friction and softness are felt there",
+            f"its surface lies in that of object '{self._body_name(other)}', and is felt in its place",
             where,
             f"({own}) mm in its own axes",
             f"> {1e6 * TIE:g} um apart",

@@ -12,7 +12,7 @@ from blender_addon.operators.work import Work
 from blender_addon.properties import object_properties
 from blender_addon.results import store
 
-from .build import cube, finger, screen, span
+from .build import cube, finger, pressing, screen, span
 
 
 def extent(obj: bpy.types.Object) -> np.ndarray:
@@ -294,3 +294,15 @@ def test_work_finds_objects_in_their_places_even_where_blender_has_evaluated_not
     obj.location.x = 3.0
     assert obj.matrix_world.translation.x == 0.0
     assert Looks().execute(bpy.context) == {"FINISHED"} and seen == [3.0]
+
+
+def test_a_bake_in_which_nothing_is_touched_stands_and_says_how_far_all_stays_apart() -> None:
+    scene, hand = pressing()
+    hand.dermis.finger.devices.add().preset = "haptip"
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    assert "nothing-touched" not in {f.code for f in reporting.here(scene)}
+    bpy.data.objects["Plate"].location.z = -20.0  # as of a path in millimetres
+    assert bpy.ops.dermis.bake() == {"FINISHED"}
+    assert store.current(scene) is not None
+    (found,) = [f for f in reporting.here(scene) if f.code == "nothing-touched"]
+    assert found.severity == "info" and "at least 20 m" in found.value and "'Plate'" in found.value

@@ -233,7 +233,7 @@ def retold(name: str, what: str, tell: Callable[[Touch, Setup], retellings.Retol
 FAMILIES = (
     retold("untouched", "one more body beside, above or behind, which is not touched", retellings.untouched),
     retold("broad_phase", "every body handed to the solver", retellings.broad_phase, base=retellings.beside),
-    retold("order", "bodies and fingers in another order", retellings.order, base=retellings.beside),
+    retold("order", "bodies and fingers in another order", retellings.order, base=retellings.twinned),
     retold("names", "bodies and fingers of other names", retellings.names),
     retold("start", "iterations that start from nothing, the last forces or random ones", retellings.start),
     retold("chunks", "samples handed over in parts", retellings.chunks),

@@ -55,6 +55,14 @@ def beside(setup: Setup) -> Setup:
     return with_body(setup, shapes.block(12e-3, 12e-3, 8e-3), still_at(setup, (15e-3, 0.0, 2e-3)))
 
 
+def twinned(setup: Setup) -> Setup:
+    """Return a setup with a body beside, and one of another material in the place of the first."""
+    body, way = setup.bodies[0]
+    twin = replace(body, name="twin", parameters={**body.parameters, "friction": 0.8})
+    setup = beside(setup)
+    return replace(setup, bodies=(*setup.bodies, (twin, way)))
+
+
 def stranger(touch: Touch, setup: Setup) -> Retold:
     """Give a body that is not touched another friction, a soft surface, and a weight that could be held."""
     body, way = setup.bodies[-1]

@@ -12,7 +12,6 @@ from core.presets import Library
 from core.scene.from_poses import scene_from_poses
 from core.scene.tactile_scene import Body, Finger, Mesh
 from core.surface import shapes
-from core.surface.gap import Surface
 
 RATE, COUNT = 240.0, 8
 

@@ -202,13 +202,10 @@ def _rim(body: ContactBody, at: Array, _: Array) -> bool:
 def _hollow(body: ContactBody, at: Array, normals: Array) -> bool:
     assert isinstance(body.surface, Surface)
     places = body.surface.sharp_places
-    close = _inside(places.hollows, at, ABOVE)
-    if not close.any():
-        return False
-    faces = normals @ body.rotation
-    for ends, sides in zip(places.hollows[close], places.sides[close], strict=True):
-        near = _distances(at, ends) < ABOVE
-        if near.any() and (faces[near] @ sides.T > ALIKE).any(axis=0).all():
+    close, faces = _inside(places.hollows, at, ABOVE), normals @ body.rotation
+    alike = faces @ places.sides[close].reshape(-1, 3).T > ALIKE  # of each point, to both sides of each edge
+    for ends, both in zip(places.hollows[close], np.moveaxis(alike.reshape(len(at), -1, 2), 1, 0), strict=True):
+        if both.any(axis=0).all() and both[_distances(at, ends) < ABOVE].any(axis=0).all():
             return True
     return False
 

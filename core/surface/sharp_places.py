@@ -26,13 +26,13 @@ class SharpPlaces(NamedTuple):
     Attributes:
         corners: convex vertices [m], shape (k, 3).
         hollows: ends of concave edges [m], shape (h, 2, 3).
-        sides: unit normals of the two faces of each of these, shape (h, 2, 3).
+        sides: the two triangles of each of these, shape (h, 2).
         rims: ends of edges with one face only [m], shape (r, 2, 3).
     """
 
     corners: Array
     hollows: Array
-    sides: Array
+    sides: Indices
     rims: Array
 
 
@@ -60,7 +60,7 @@ def sharp_places(vertices: Array, table: TriangleTable, topology: Topology) -> S
     once = rises & (at < other)
     at, edge, other = at[once], edge[once], other[once]
     hollows = np.stack([places[at, edge], places[at, (edge + 1) % 3]], axis=1)
-    sides = np.stack([normals[at], normals[other]], axis=1)
+    sides = np.stack([at, other], axis=1)
     return SharpPlaces(_corners(vertices, places, corners, live, normals, topology), hollows, sides, rims)
 
 

@@ -18,13 +18,14 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 from numpy.typing import NDArray
 
-from core.contact.doubtful_touches import CORNER, HOLLOW, RIM
+from core.contact.doubtful_touches import CORNER, ENOUGH, HOLLOW, RIM
 from core.scene.tactile_scene import Body, Mesh
 
 from .case import Dice, Values, apart
@@ -160,7 +161,8 @@ def measure(values: Values) -> Outcome:
 
 def _felt(setup: Setup) -> tuple[Array, frozenset[str]]:
     """Return the force at each sample [N], shape (n, 3), and the codes of all findings."""
-    bake = replace(setup).bake()
+    with patch.dict(ENOUGH, dict.fromkeys(ENOUGH, np.inf)):  # whether a condition holds, whatever the friction
+        bake = setup.bake()
     felt = bake.skins[setup.name]
     force = np.zeros((len(felt.times), 3))
     force[felt.contact] = np.asarray(felt.held, np.float64).sum(axis=1)

@@ -12,6 +12,7 @@ from core.presets import Library
 from core.scene.from_poses import scene_from_poses
 from core.scene.tactile_scene import Body, Finger, Mesh
 from core.surface import shapes
+from tests.stress.sharp import KINDS, draw, solid
 
 RATE, COUNT = 240.0, 8
 
@@ -56,3 +57,38 @@ def test_bodies_apart_or_of_one_material_are_not_told() -> None:
     apart = [(block(0.8, "a"), np.zeros(3)), (block(0.2, "b"), np.array([0.0, 0.0, -20e-6]))]
     alike = [(block(0.5, "a"), np.zeros(3)), (block(0.5, "b"), np.zeros(3))]
     assert not told(dragged(apart), "bodies-coincide") and not told(dragged(alike), "bodies-coincide")
+
+
+# -- sharp places --------------------------------------------------------------------------------------------------
+
+
+def touched(
+    kind: str, friction: float, place: tuple[float, float], rise: float = 0.3e-3, **given: object
+) -> list[Finding]:
+    """What is told of a sharp place beside the middle of the pad [m]."""
+    body = Body(
+        "Thing",
+        solid({**draw(kind, 0.0, 0), "angle": 60.0 if kind == "foot" else 90.0, "rise": rise}),
+        {"friction": friction},
+    )
+    bake = dragged([(body, np.array([*place, 0.1e-3 - rise if kind == "foot" else 0.0]))], **given)
+    return [f for f in bake.all_findings if f.code in KINDS.values()]
+
+
+@pytest.mark.parametrize(("kind", "code"), KINDS.items())
+def test_a_sharp_place_is_told_once_where_it_is_touched_without_friction(kind: str, code: str) -> None:
+    (found,) = touched(kind, 0.0, (0.0, 0.0))
+    assert found.code == code and found.severity == "warning" and found.count == 1 and found.remedy
+    assert found.where == "finger 'Index', object 'Thing'" and found.frame is not None
+    assert len(touched(kind, 0.09, (0.0, 0.0))) == 1
+    assert len(touched(kind, 0.1, (0.0, 0.0))) == (kind == "rim")
+    assert not touched(kind, 0.0, (0.0, 0.0), contact="nodes")
+
+
+@pytest.mark.parametrize(("kind", "beside"), [("corner", (-5e-3, -5e-3)), ("foot", (6e-3, 0.0)), ("rim", (-8e-3, 0.0))])
+def test_a_sharp_place_beside_the_touch_is_not_told(kind: str, beside: tuple[float, float]) -> None:
+    assert not touched(kind, 0.0, beside)
+
+
+def test_of_a_hollow_edge_both_sides_must_be_touched() -> None:
+    assert not touched("foot", 0.0, (-1.2e-3, 0.0), 1.0e-3)  # the skin does not reach down to the foot

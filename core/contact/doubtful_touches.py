@@ -35,33 +35,37 @@ class Doubt(NamedTuple):
 
     Attributes:
         code, what, remedy: of the finding. `what` states the largest changes of the force that were measured.
+        slight: friction from which on changes were within the 4 % that the force at edges is trusted to; the finding is
+            then a remark.
     """
 
     code: str
     what: str
     remedy: str
+    slight: float
 
 
 CORNER = Doubt(
     "sharp-corner",
-    "the skin touches a sharp corner nearly without friction: its force may change by 5 % with a shift of 1 um, and "
-    "by 44 % with the way there",
-    "Round the corner by 0.5 mm or more, or give the object that much friction",
+    "the skin touches a sharp corner: its force may change by 19 % with a shift of 1 um, and without friction by 70 % "
+    "with the way there",
+    "Round the corner by 0.5 mm, or give the object a friction of 0.6 or more",
+    0.6,
 )
 HOLLOW = Doubt(
     "hollow-edge",
-    "the skin touches both sides of a sharp hollow edge nearly without friction: its force may change by 2 % with a "
-    "shift of 1 um, and by 20 % with the way there",
-    "Give the object that much friction, or press less deep into the hollow",
+    "the skin touches both sides of a sharp hollow edge: its force may change by 4 % with a shift of 1 um, and without "
+    "friction by 20 % with the way there",
+    "Press less deep into the hollow, or give the object friction",
+    0.1,
 )
 RIM = Doubt(
     "open-rim",
     "the skin touches an open surface near its rim: its force may change by 5 % with a shift of 1 um, and without "
     "friction by 43 % with the way there",
     "Continue the surface by some millimetres, or give it a thickness",
+    np.inf,
 )
-# Friction from which on no doubt was measured; inf if it always was.
-ENOUGH = {CORNER.code: 0.1, HOLLOW.code: 0.1, RIM.code: np.inf}
 
 
 class DoubtfulTouches:
@@ -101,7 +105,14 @@ class DoubtfulTouches:
             where = f"{self._name}, object '{self._body_name(index)}'"
             for doubt in doubts:
                 if _TESTS[doubt.code](body, at, gaps.triangle[mine]):
-                    self._told[doubt.code, index] = _finding(doubt, body, where, frame)
+                    self._told[doubt.code, index] = Finding(
+                        "info" if body.friction >= doubt.slight else "warning",
+                        doubt.code,
+                        doubt.what,
+                        where,
+                        remedy=doubt.remedy,
+                        frame=frame,
+                    )
             for other in others:
                 place = _coinciding(body, gaps.bodies[other], at)
                 if place is not None:
@@ -134,20 +145,14 @@ class DoubtfulTouches:
         self._told = dict(state)
 
 
-def _finding(doubt: Doubt, body: ContactBody, where: str, frame: float) -> Finding:
-    enough = ENOUGH[doubt.code]
-    value, limit = (f"{body.friction:g}", f"friction >= {enough:g}") if np.isfinite(enough) else (None, "")
-    return Finding("warning", doubt.code, doubt.what, where, value, limit, doubt.remedy, frame)
-
-
 def _possible(body: ContactBody) -> list[Doubt]:
-    """Return the doubts that a body's shape and friction allow."""
+    """Return the doubts that a body's shape allows."""
     assert isinstance(body.surface, Surface)
     if body.deforms:  # its sharp places would have to be found in every frame
         return []
     places = body.surface.sharp_places
     kinds = ((CORNER, places.corners), (HOLLOW, places.hollows), (RIM, places.rims))
-    return [doubt for doubt, some in kinds if len(some) and body.friction < ENOUGH[doubt.code]]
+    return [doubt for doubt, some in kinds if len(some)]
 
 
 def _differing(bodies: Sequence[ContactBody], index: int) -> list[int]:

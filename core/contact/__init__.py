@@ -9,6 +9,7 @@ Contact of the pads' centres, for devices that need no more:
     pair_record      gaps of one pad and one body during a sweep
     pad_contact      gaps and closest points of all pairs over the whole range
     encounter        contact of one pad with one body at a device's rate: onsets, velocities
+    closest_approach a finding where nothing is touched in the whole range
     holding_times    times at which a finger holds a body
 
 Contact of the whole skin:
@@ -18,6 +19,7 @@ Contact of the whole skin:
     proximity        lower bounds of gaps, by which distant bodies are skipped
     compliant_bone   path solver with a compliant bone
     skin_stepper     one finger, one sample after the other; for bakes and previews
+    doubtful_touches touches of sharp places and of bodies in one place
     held_body        one body while fingers hold it: times, mass, acceleration
     held_bodies      all held bodies, balanced with the fingers' contacts
     skin_sampler     chunks of poses -> forces on the skins

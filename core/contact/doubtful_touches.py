@@ -73,7 +73,7 @@ class DoubtfulTouches:
 
     Args:
         name: name of the finger, for the findings.
-        body_name: function that returns the name of a body, given its index in the solver.
+        body_name: function that returns the name of a body in words, given its index in the solver.
     """
 
     def __init__(self, name: str, body_name: Callable[[int], str]) -> None:
@@ -102,7 +102,7 @@ class DoubtfulTouches:
             if not doubts and not others:
                 continue
             at = body.local(step.points[mine] + step.displacement[mine])[0]
-            where = f"{self._name}, object '{self._body_name(index)}'"
+            where = f"{self._name}, {self._body_name(index)}"
             for doubt in doubts:
                 if _TESTS[doubt.code](body, at, gaps.triangle[mine]):
                     self._told[doubt.code, index] = Finding(
@@ -123,7 +123,7 @@ class DoubtfulTouches:
         return Finding(
             "warning",
             COINCIDE,
-            f"its surface lies in that of object '{self._body_name(other)}', and is felt in its place",
+            f"its surface lies in that of {self._body_name(other)}, and is felt in its place",
             where,
             f"({own}) mm in its own axes",
             f"> {1e6 * TIE:g} um apart",

@@ -15,6 +15,7 @@ from ..skin.point_forces import PointForces
 from ..skin.surface_store import no_smooth_pad, smooth_pad
 from .coarse_touches import CoarseTouches
 from .compliant_bone import CompliantBone
+from .doubtful_touches import DoubtfulTouches
 from .first_touch import CLOSE, first_touch
 from .solver.between import lowered
 from .solver.bodies import ContactBody
@@ -50,6 +51,7 @@ class SingleTouch:
         self._told = (no_smooth_pad(skin, name),) if contact == "points" and self.pad is None else ()
         self._bone = CompliantBone.of(skin, {}, name, surface=self.pad)
         self._coarse = None if self.pad is not None else CoarseTouches(skin.mesh, name)
+        self._doubts = DoubtfulTouches(name, lambda _: "the surface")
         self.place = np.array([*body.translation[:2], first_touch(skin, body)])
         start = replace(body, translation=self.place)
         self.step = self._bone.step([start], 0.0, lambda: [lowered(start, CLOSE)]).step
@@ -63,6 +65,7 @@ class SingleTouch:
             self.step = self._bone.step([replace(self._body, translation=self.place)], 0.0).step
             if self._coarse is not None:
                 self._coarse.take(self.step.solution, 0.0)
+            self._doubts.take(self.step, 0.0, on_points=self.pad is not None)
         return self.step
 
     @property
@@ -78,5 +81,5 @@ class SingleTouch:
     def findings(self) -> tuple[Finding, ...]:
         """Findings as of a bake, without frames."""
         coarse = () if self._coarse is None else self._coarse.findings
-        found = (*self._told, *self._bone.solver.findings, *self._bone.findings, *coarse)
+        found = (*self._told, *self._bone.solver.findings, *self._bone.findings, *coarse, *self._doubts.findings)
         return tuple(replace(finding, frame=None) for finding in found)

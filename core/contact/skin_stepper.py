@@ -76,7 +76,7 @@ class SkinStepper:
         self._bone: CompliantBone | None = None
         self._idle = 0  # samples before `bone` was made
         self._coarse = None if self.on_points else CoarseTouches(skin.mesh, self.name)
-        self._doubts = DoubtfulTouches(self.name, lambda index: scene.name(self._order[index]))
+        self._doubts = DoubtfulTouches(self.name, lambda index: f"object '{scene.name(self._order[index])}'")
         self.far = 0
         self._scene = scene
         low, high = skin.positions.min(axis=0), skin.positions.max(axis=0)

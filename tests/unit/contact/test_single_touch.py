@@ -7,6 +7,7 @@ import pytest
 
 from core.experiment import fingertip, press
 from core.skin.model import SkinModel
+from core.surface import shapes
 from core.surface.gap import Surface
 from tests.presses import SURFACES, baked
 
@@ -42,3 +43,11 @@ def test_what_a_bake_says_of_a_needle_is_said(skin: SkinModel) -> None:
     touch = press(skin, Surface.sphere(0.3e-3), 1.5e-3, friction=0.0)
     assert {f.code for f in touch.findings} & {"slips-in", "passed-through"}
     assert all(f.frame is None for f in touch.findings), "a press has no frames"
+
+
+def test_what_a_bake_says_of_a_corner_is_said(skin: SkinModel) -> None:
+    vertices, triangles = shapes.block(10e-3, 10e-3, 10e-3)
+    corner = Surface.build(vertices + [5e-3, 5e-3, 0.0], triangles)
+    for contact, told in (("points", ["sharp-corner"]), ("nodes", [])):
+        touch = press(skin, corner, 0.3e-3, friction=0.0, contact=contact, at=(0.0, 0.0))
+        assert [f.code for f in touch.findings if f.code == "sharp-corner"] == told

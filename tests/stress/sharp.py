@@ -10,7 +10,9 @@ place counts too. A friction is enough if, of the touches for which the doubt's 
 changes by more than 1 % (there and back 4 %), the limits of `tolerances.INVARIANCE`. The doubt is told below the least
 friction that is enough, as are all larger ones; with every friction if none is. The change that its finding states is
 the largest of those with friction below that. Touches for which the condition does not hold must keep to the same
-limits.
+limits. Two things came later: shallower and shorter touches were drawn first, and showed little; and the condition of
+hollow edges was narrowed, because the top of a step had counted as its floor. It holds for 12 of the 20 touches, in
+place of 17, with the same verdict.
 """
 
 from __future__ import annotations

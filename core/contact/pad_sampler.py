@@ -160,7 +160,7 @@ class PadSampler:
             screens=np.concatenate([c.screens for c in self._chunks], axis=1),
             pairs=pairs,
             centres={b: held_centres(np.concatenate(parts)) for b, parts in self._centres.items()},
-            apart={key: (far, sample - first) for key, (far, sample) in self._apart.items()},
+            apart={key: (far, sample - first) for key, (far, sample) in self._apart.items() if sample >= first},
             animated=animated,
             skipped={k: v for k, v in self._skipped.items() if v},
             findings=(*self._repairs.findings(), *(f for b in sorted(noted) for f in noted[b])),

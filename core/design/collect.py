@@ -26,7 +26,7 @@ from ..devices.spec import DeviceSpec, from_preset
 from ..errors import DermisError
 from ..files import write_npz
 from ..matching.platforms import mechanism, original_key
-from ..matching.readings import Counts, Readings, quantised, readings_of
+from ..matching.readings import Readings, quantised, readings_of
 from ..matching.sweep import commands_swept, reached, sweep
 from ..matching.table import SkinTable, assemble, press_of, tabulate
 from ..npz import opened_npz
@@ -78,7 +78,7 @@ def collect(
     skin = _skin(shape, Elastic(**(material or {})), level, tissue)
     points = press_points(skin) if points is None else points
     commands, unreached = sweep(spec, points.positions, rows)
-    name = "dermis-sweep 2", original_key(spec), skin_key(skin), repr(skin.material), points.on
+    name = "dermis-sweep 3", original_key(spec), skin_key(skin), repr(skin.material), points.on
     key = cache_key(*name, commands.tobytes())[:16]
     folder = Path(folder) / key
     parts = [(i, folder / f"{i:06d}.npz") for i in range(0, len(commands), PART)]
@@ -144,7 +144,7 @@ def work(arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], repo
     points = PressPoints(arrays["positions"], arrays["compliance"], arrays.get("nodal"), law, skin.material.modulus)
     press = Press(points, mechanism(spec), float(spec.value("friction")))
     kept, counts, left = tabulate(readings_of(skin), arrays["commands"], press.press(arrays["commands"]))
-    return {"commands": kept.astype(np.float32), "readings": counts, "left": np.array(list(left.values()), np.int64)}
+    return {"commands": kept, "readings": counts, "left": np.array(list(left.values()), np.int64)}
 
 
 def _counts(sensor: Readings, pressed: Pressed, rows: NDArray[np.bool_]) -> Array:
@@ -208,11 +208,11 @@ def _read_part(path: Path) -> dict[str, NDArray[Any]]:
 
 def _joined(spec: DeviceSpec, skin: SkinModel, paths: list[Path], about: Mapping[str, Any]) -> SkinTable:
     commands: list[Array] = []
-    counts: list[Counts] = []
+    counts: list[Array] = []
     left = np.zeros(4, np.int64)
     for path in paths:
         part = _read_part(path)
-        commands.append(part["commands"].astype(np.float64))
+        commands.append(part["commands"])
         counts.append(part["readings"])
         left += part["left"]
     rest, unbalanced, saturated, unsettled = (int(v) for v in left)

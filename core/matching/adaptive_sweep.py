@@ -21,7 +21,7 @@ from ..devices.spec import DeviceSpec
 from ..errors import DermisError
 from ..skin.model import SkinModel
 from .nearest import NEIGHBOURS
-from .readings import FULL_SCALE, Readings, quantised
+from .readings import FULL_SCALE, Readings, within_scale
 from .sweep import commands_at, freedoms, halton, reached, refuse_many
 from .table import SkinTable, assemble, noise_floor, press_of, sound
 
@@ -62,7 +62,7 @@ def build_adaptive(
     axes, first = freedoms(spec), int(EVEN * rows)
     sequence = halton(first + POOL * (rows - first), axes)
     floor = noise_floor(noise, len(sensor.rest))
-    rest = quantised(sensor.rest[None]).astype(np.float64)[0]
+    rest = sensor.rest
     share, pool = np.empty((0, axes)), sequence[first:]
     commands, readings = np.empty((0, axes)), np.empty((0, len(rest)))
     touching: NDArray[np.bool_] = np.empty(0, bool)
@@ -76,7 +76,7 @@ def build_adaptive(
         pressed = press.press(asked)
         good = sound(pressed)
         amounts = None if pressed.amounts is None else pressed.amounts[good]
-        felt = quantised(sensor.counts(pressed.force[good], amounts)).astype(np.float64)
+        felt = within_scale(sensor.counts(pressed.force[good], amounts))
         felt[~pressed.touching[good]] = rest
         left["unreached_rows"] += int((~within).sum())
         left["unbalanced_rows"] += int((~good).sum())
@@ -90,8 +90,7 @@ def build_adaptive(
         best = _best(share, readings, touching, rest, floor, pool, size)
         new, pool = pool[best], np.delete(pool, best, axis=0)
     about = {"asked": rows, "pressed_on": press.points.on, "rest_rows": int((~touching).sum()), "spread": "adaptive"}
-    counts = readings[touching].astype(np.uint16)
-    return assemble(spec, skin, sensor, commands[touching], counts, {**about, **left})
+    return assemble(spec, skin, sensor, commands[touching], readings[touching], {**about, **left})
 
 
 def _best(

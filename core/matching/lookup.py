@@ -1,10 +1,12 @@
 """Look-up matching: motor commands for sensor readings by the nearest rows of a table, and the reverse.
 
-The eight nearest rows are averaged with weights by the inverse square of their distance, or by a local fit if there are
-more than three motors (`local_fit`). A query that equals a row returns that row. Of rows at equal distance, those are
-taken whose command is nearest to the previous one. All rows in which nothing touches are replaced by one rest row.
+The eight nearest rows are averaged with weights by the inverse square of their distance, less that of the ninth, or by
+a local fit if there are more than three motors (`local_fit`). Commands are then a continuous function of the readings:
+rounding, which differs between computers, changes them by no more than rounding. A query that equals a row returns that
+row. Of rows with equal readings, the one is taken whose command is nearest to the previous one. All rows in which
+nothing touches are replaced by one rest row.
 
-Source: [S2] eq. 1-4 and 8-10 with the corrections
+Source: [S2] eq. 1-4 and 8-10 with the corrections; weights that fall to zero at a distance: Franke and Nielson 1980
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import Array
+from ..arrays import Array, Indices
 from ..cache import cache_key
 from ..devices.coupling import Coupling, coupling_of
 from ..devices.spec import DeviceSpec
@@ -33,9 +35,8 @@ from ..skin.observation import skin_key
 from ..track.command_track import CommandTrack
 from . import thimble
 from .local_fit import REDUNDANT, fitted_mean
-from .nearest import NEIGHBOURS, Neighbours
 from .platforms import original_key
-from .readings import readings_of, saturated
+from .readings import readings_of, saturated, within_scale
 from .rendered import Rendered
 from .table import SkinTable, belongs, build
 from .thimble_use import by_stress
@@ -43,12 +44,15 @@ from .thimble_use import by_stress
 if TYPE_CHECKING:
     from ..contact.pad_contact import PadContact
     from ..contact.skin_contact import SkinContact
-    from .nearest import NearestPoints
+    from .nearest import NearestPoints, Neighbours
 
 
 # Share of a motor's range. Smaller excesses by a coupling, and smaller delays by a motor's speed, are not reported.
 SLACK = 0.01
 ROWS = DEVICE["table_rows"].default
+# Distances of commands, over the motors' ranges, that differ by less count as equal. Files may hold commands in single
+# precision, with a rounding error of 6e-8 of a command.
+EQUALLY_NEAR = 1e-6
 TABLES = 8  # number of tables that are kept in memory
 
 
@@ -60,7 +64,7 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
     Args:
         table: the look-up table.
         readings: readings in the table's unit, in order of time, shape (q, channels).
-        last: command before the first query, for ties, shape (motors,); None for that of rest.
+        last: command before the first query, for rows with equal readings, shape (motors,); None for that of rest.
 
     Returns:
         Commands in SI units, shape (q, motors).
@@ -75,30 +79,22 @@ def commands_of(table: SkinTable, readings: NDArray[Any], last: Array | None = N
         alone = _alone(table, readings[0])
         if alone is not None:
             return alone[None]
-    values, rest = table.heard_commands, table.commands[table.rest]
-    loud = np.ones(len(readings), bool)
+    rest = table.commands[table.rest]
+    loud = np.arange(len(readings))
     if table.noise_floor > 0.0 and readings.shape[1:] == table.readings.shape[1:]:
         # Readings within the noise of rest need no search. NaN is not among them, so that the search raises the error.
-        loud = ~(table.from_rest(readings) <= table.noise_floor)
-        if not loud.any():
-            return np.repeat(rest[None], len(readings), axis=0)
-    found = table.by_reading.query(readings[loud], NEIGHBOURS)
-    out = np.empty((len(readings), len(rest)))
-    out[:] = rest
-    if len(found.index):
-        out[loud] = _mean(table, table.by_reading, readings[loud], found, values)
-    if not found.tied.any():
+        loud = np.flatnonzero(~(table.from_rest(readings) <= table.noise_floor))
+    out = np.tile(rest, (len(readings), 1))
+    if not len(loud):
         return out
-    place, known = np.flatnonzero(loud), table.by_reading.points
-    for at in np.flatnonzero(found.tied).tolist():  # a tie depends on the command before it, so not all at once
-        i = int(place[at])
-        before = (out[i - 1] if i else rest if last is None else np.asarray(last, np.float64)) / table.scale
-        rows = table.by_reading.within(readings[i], float(found.squared[at, -1]))
-        squared = ((known[rows] - readings[i]) ** 2).sum(axis=1)
-        from_last = ((values[rows] / table.scale - before) ** 2).sum(axis=1)
-        order = np.lexsort((rows, from_last, squared))[:NEIGHBOURS]
-        chosen = Neighbours(rows[order][None], squared[order][None], np.zeros(1, bool))
-        out[i] = _mean(table, table.by_reading, readings[i : i + 1], chosen, values)[0]
+    searched, values = table.by_reading, table.heard_commands
+    found = searched.query(readings[loud], table.neighbours)
+    out[loud] = _mean(table, searched, readings[loud], found, values[searched.first[found.index]])
+    for at in np.flatnonzero(searched.repeated[found.index].any(axis=1)).tolist():  # these depend on those before them
+        i = int(loud[at])
+        before = out[i - 1] if i else rest if last is None else np.asarray(last, np.float64)
+        rows = [_nearest_row(searched.rows(point), values, before, table.scale) for point in found.index[at].tolist()]
+        out[i] = _mean(table, searched, readings[i : i + 1], found.take(slice(at, at + 1)), values[rows][None])[0]
     return out
 
 
@@ -114,40 +110,41 @@ def readings_for(table: SkinTable, commands: Array) -> Array:
     Source: [S2] eq. 8-10
     """
     scaled = np.asarray(commands, np.float64) / table.scale
-    found = table.by_command.query(scaled, NEIGHBOURS)
-    return _mean(table, table.by_command, scaled, found, table.exact_readings)
+    searched = table.by_command
+    found = searched.query(scaled, table.neighbours)
+    return _mean(table, searched, scaled, found, table.exact_readings[searched.first[found.index]])
 
 
 def _alone(table: SkinTable, reading: Array) -> Array | None:
     """Return the command for a single reading, shape (motors,), faster than `commands_of`.
 
-    None for exact hits, ties and more than three motors, which only `commands_of` handles.
+    None for more than three motors and where `NearestPoints.query_one` has no answer.
     """
     if table.noise_floor > 0.0:
         off = reading - table.exact_readings[table.rest]
         if math.sqrt(off.dot(off)) <= table.noise_floor:
             return table.commands[table.rest].copy()
-    found = table.by_reading.query_one(reading, NEIGHBOURS) if table.commands.shape[1] < REDUNDANT else None
+    motors, searched = table.commands.shape[1], table.by_reading
+    found = searched.query_one(reading, table.neighbours) if motors < REDUNDANT else None
     if found is None:
         return None
-    weights = 1.0 / found[1]
-    mean: Array = weights.dot(table.heard_commands.take(found[0], axis=0)) / math.fsum(weights.tolist())
+    points, weights = found
+    mean: Array = weights.dot(table.heard_commands.take(searched.first.take(points), axis=0)) / weights.sum()
     return mean
 
 
+def _nearest_row(rows: Indices, values: Array, before: Array, scale: Array) -> int:
+    """Return the row whose command is nearest to a command, the lowest of those that are equally near."""
+    away = np.sqrt((((values[rows] - before) / scale) ** 2).sum(axis=1))
+    return int(rows[np.flatnonzero(away <= away.min() + EQUALLY_NEAR)[0]])
+
+
 def _mean(table: SkinTable, searched: NearestPoints, queries: Array, found: Neighbours, values: Array) -> Array:
-    """Return the weighted mean of the neighbours' values for each query; an exact hit returns its own value."""
+    """Return the weighted mean of the neighbours' values, shape (q, k, m), for each query, shape (q, m)."""
     if table.commands.shape[1] >= REDUNDANT:
-        return fitted_mean(searched.points[found.index], queries, found.squared, values[found.index])
-    hit = found.squared[:, 0] == 0.0
-    if hit.any():
-        weights = 1.0 / np.where(hit[:, None], 1.0, found.squared)
-        weights[hit] = 0.0
-        weights[hit, 0] = 1.0
-    else:
-        weights = 1.0 / found.squared
-    weights /= weights.sum(axis=1, keepdims=True)
-    return np.matmul(weights[:, None], values[found.index])[:, 0]
+        return fitted_mean(searched.points[found.index], queries, found, values)
+    mean: Array = np.matmul(found.weights[:, None], values)[:, 0]
+    return mean
 
 
 def render(
@@ -192,10 +189,8 @@ def render(
             )
         )
     felt = skin.force
-    sensed = (
-        sensor.sense(felt, amounts=skin.amounts) if len(touched) else np.empty((0, table.readings.shape[1]), np.uint16)
-    )
     if len(touched):
+        sensed = within_scale(sensor.counts(felt, skin.amounts))
         commands[touched] = commands_of(table, sensed)
         series["contact"][touched] = 1.0
         series["target_force"][touched] = felt[:, :, 2].sum(axis=1)
@@ -241,7 +236,7 @@ def render(
     meta = {
         "method": "lookup",
         "table_rows": str(len(table.commands)),
-        "neighbours": str(NEIGHBOURS),
+        "neighbours": str(table.neighbours),
         "sensor": "virtual, 19 electrodes and pressure",
     }
     skipped = {"lookups_without_contact": count - len(touched)}
@@ -321,9 +316,8 @@ def commands_now(
     coupling = coupling_of(spec)
     original = table.commands[table.rest]
     if len(force):
-        original = commands_of(
-            table, readings_of(skin).sense(force, amounts=None if amounts is None else amounts[None])
-        )[-1]
+        sensed = readings_of(skin).counts(force, None if amounts is None else amounts[None])
+        original = commands_of(table, within_scale(sensed))[-1]
     return np.clip(original if coupling is None else coupling.reduced(original), *_ends(spec))
 
 
@@ -388,7 +382,7 @@ def table_at_hand(skin: SkinModel, spec: DeviceSpec, path: str = "", rows: int =
         return _from_file(Path(path), spec)
     name = _table_name(skin, spec, rows)
     if name not in _TABLES and skin.cache is not None:
-        found = skin.cache.get(cache_key("dermis-skin-table 2", *map(str, name)))
+        found = skin.cache.get(cache_key("dermis-skin-table 3", *map(str, name)))
         if found is not None:
             with contextlib.suppress(DermisError):  # a damaged table is swept again
                 table = SkinTable.load(found)
@@ -402,7 +396,7 @@ def keep_table(skin: SkinModel, spec: DeviceSpec, rows: int, table: SkinTable) -
     _TABLES.pop(name, None)
     _TABLES.make(name, lambda: table)
     if skin.cache is not None:
-        skin.cache.put(cache_key("dermis-skin-table 2", *map(str, name)), table.save)
+        skin.cache.put(cache_key("dermis-skin-table 3", *map(str, name)), table.save)
 
 
 def _table_name(skin: SkinModel, spec: DeviceSpec, rows: int) -> tuple[str, str, int]:

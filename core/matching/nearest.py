@@ -1,4 +1,4 @@
-"""Exact nearest neighbours by a k-d tree in principal axes.
+"""Nearest neighbours by a k-d tree in principal axes, and weights that change smoothly with the query.
 
 Readings of a device with few motors lie near a curved surface of few dimensions in the space of many channels. A k-d
 tree divides space along the channels. Its boxes are oblique to this surface and mostly empty, so that a query with
@@ -7,14 +7,15 @@ which changes no distance. Boxes are then thin where the surface is, and the axe
 166,375 rows of the cable platform, this was measured to be 3 times as fast near the surface and up to 8 times as fast
 far from it.
 
-Rotation rounds the coordinates. The squared distance between points of whole numbers, such as a sensor's counts, is
-whole again after rounding. For other points, rounding could decide an exact hit or a tie for the last place. Such
-queries are solved again with the points as given.
+Which points are the nearest ones changes suddenly as a query moves. In a symmetric touch, two points are even equally
+far up to rounding. The weight of a point therefore falls to zero at the distance of the first point that is left out. A
+point comes and goes with weight zero, so a small change of the query or of the points changes a weighted mean little.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,10 +24,26 @@ from numpy.typing import NDArray
 from ..arrays import Array, Indices
 from ..errors import DermisError
 
-NEIGHBOURS = 8  # number of neighbours that are averaged. Source: [S2] III.B
+NEIGHBOURS = 8  # number of neighbours that are averaged by the inverse square of their distance. Source: [S2] III.B
 LEAF = 32  # points in a leaf of the tree; the fastest as measured
-SLACK = 1e-13  # rounding error of a squared distance, relative to the squared norms of points and queries
-EXACT = 1e11  # up to this sum of squared norms, rounding errors of squared distances are below one half
+ROUNDING = 1e-12  # rounding error of a distance, relative to the norms of points and queries
+
+
+def neighbours(dimensions: int) -> int:
+    """Return the number of neighbours that are averaged with weights falling to zero.
+
+    The mean square distance of the averaged points, by their weights, is that of `NEIGHBOURS` points weighted by the
+    inverse square of their distance alone. For points spread evenly in D dimensions within a radius r it is
+    (D - 2) / D r^2 by these weights, and (D - 2) / (D + 2) r^2 by weights that fall to zero at r, so r^2 is larger by
+    (D + 2) / D.
+
+    Args:
+        dimensions: D, dimensions of the surface on which the points lie.
+
+    >>> neighbours(3), neighbours(6)
+    (17, 19)
+    """
+    return round(NEIGHBOURS * ((dimensions + 2) / dimensions) ** (dimensions / 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,61 +52,88 @@ class Neighbours:
 
     Attributes:
         index: indices of the points, shape (q, k).
-        squared: squared distances, shape (q, k).
-        tied: whether the choice of neighbours is not unique: the last one is as far away as one that was left out, or
-            several points equal the query; shape (q,).
+        distance: their distances, shape (q, k).
+        reach: distance of the first point that was left out, shape (q,); inf if there is none.
     """
 
     index: Indices
-    squared: Array
-    tied: NDArray[np.bool_]
+    distance: Array
+    reach: Array
+
+    def take(self, queries: Indices | slice) -> Neighbours:
+        """Return the neighbours of some queries."""
+        return Neighbours(self.index[queries], self.distance[queries], self.reach[queries])
+
+    @cached_property
+    def taper(self) -> Array:
+        """Factors of the weights, from 1 at the query to 0 at the reach, shape (q, k).
+
+        If all neighbours are as far as the reach, the factors are 1.
+        """
+        reach = self.reach[:, None]
+        even = reach <= self.distance[:, :1] * (1.0 + ROUNDING)
+        share = np.divide(self.distance, reach, out=np.zeros_like(self.distance), where=~even & np.isfinite(reach))
+        return 1.0 - share * share
+
+    @property
+    def weights(self) -> Array:
+        """Weights by the inverse square of the distance, less the inverse square of the reach, shape (q, k).
+
+        The weights of a query sum to 1. A point that equals the query has weight 1.
+        """
+        nearest = self.distance[:, :1]
+        ratio = np.divide(nearest, self.distance, out=np.ones_like(self.distance), where=self.distance > nearest)
+        weights = self.taper * ratio * ratio
+        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
 class NearestPoints:
-    """Search structure for exact nearest neighbours.
+    """Search structure for nearest neighbours among distinct points.
 
     Args:
-        points: points to be found, finite, shape (n, d).
+        rows: points to be found, finite, shape (n, d). Several rows may be the same point.
 
     Attributes:
-        points: the points as given, shape (n, d).
+        points: the distinct points, shape (p, d).
+        first: the first row of each point, shape (p,).
 
     Raises:
         DermisError: there are no points, or a value is not finite.
     """
 
-    def __init__(self, points: NDArray[Any]) -> None:
+    def __init__(self, rows: NDArray[Any]) -> None:
         from scipy.spatial import cKDTree
 
-        points = np.ascontiguousarray(points, np.float64)
-        if points.ndim != 2 or len(points) == 0 or not np.isfinite(points).all():
-            raise DermisError("nearest neighbours need finite points", where="look-up table", value=points.shape)
-        self.count, self.dimensions = points.shape
-        self.points = points
-        self._whole = bool((points == np.rint(points)).all())
-        self._centre = points.mean(axis=0)
-        own = points - self._centre
+        rows = np.ascontiguousarray(rows, np.float64)
+        if rows.ndim != 2 or len(rows) == 0 or not np.isfinite(rows).all():
+            raise DermisError("nearest neighbours need finite points", where="look-up table", value=rows.shape)
+        self.dimensions = rows.shape[1]
+        self.points, self.first, point = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        self._by_point = np.argsort(point.ravel(), kind="stable")
+        self._ends = np.cumsum(np.bincount(point.ravel()))
+        self.repeated: NDArray[np.bool_] = np.diff(self._ends, prepend=0) > 1  # of each point, whether it has two rows
+        self._any_repeated = bool(self.repeated.any())
+        self._centre = rows.mean(axis=0)
+        own = self.points - self._centre
         _, axes = np.linalg.eigh(own.T @ own)
         self._axes = np.ascontiguousarray(axes[:, ::-1])  # widest first
-        turned = own @ self._axes
-        self._size = float(np.einsum("ij,ij->i", turned, turned).max())
-        self._tree = cKDTree(turned, leafsize=LEAF)
+        self._tree = cKDTree(own @ self._axes, leafsize=LEAF)
+
+    def rows(self, point: int) -> Indices:
+        """Return the rows of a point, rising."""
+        return self._by_point[0 if point == 0 else self._ends[point - 1] : self._ends[point]]
 
     def query(self, queries: NDArray[Any], k: int) -> Neighbours:
-        """Return the k nearest points of each query.
+        """Return the k nearest points of each query, or all points if there are fewer.
 
         Args:
             queries: shape (q, d).
-            k: number of neighbours.
+            k: number of neighbours, at least 1.
 
         Raises:
-            DermisError: there are fewer than k points, the queries have another dimension, or a value is not finite.
+            DermisError: the queries have another dimension, or a value is not finite.
         """
         queries = np.ascontiguousarray(queries, np.float64)
-        if not 1 <= k <= self.count:
-            raise DermisError(
-                "the number of neighbours is out of range", where="look-up table", value=k, limit=f"1 to {self.count}"
-            )
         if queries.ndim != 2 or queries.shape[1] != self.dimensions:
             raise DermisError(
                 "query and table have different numbers of channels",
@@ -98,80 +142,33 @@ class NearestPoints:
                 limit=f"(n, {self.dimensions})",
             )
         turned = (queries - self._centre) @ self._axes
-        size = float(np.vdot(turned, turned))  # sum of all queries, so at least that of each
-        if not size < np.inf:  # true for NaN too
+        if not np.isfinite(turned).all():
             raise DermisError("a query is not finite", where="look-up table")
-        more = min(k + 1, self.count)  # one neighbour more, to detect ties
-        distance, index = self._tree.query(turned, np.arange(1, more + 1))
-        distance *= distance
-        near, index = distance[:, :k], index[:, :k]
-        if self._whole and self._size + size < EXACT and (queries == np.rint(queries)).all():
-            np.rint(distance, out=distance)  # exact, since squared distances of whole numbers are whole
-            tied = distance[:, k] == near[:, -1] if more > k else np.zeros(len(queries), bool)
-            if k > 1:
-                tied |= near[:, 1] == 0.0
-            return Neighbours(index, near, tied)
-        doubt = SLACK * (self._size + size)
-        tied = np.zeros(len(queries), bool)
-        unsure = near[:, 0] <= doubt
-        if more > k:
-            unsure |= distance[:, k] - near[:, -1] <= doubt
-        if unsure.any():
-            near, index = near.copy(), index.copy()
-            for i in np.flatnonzero(unsure):
-                index[i], near[i], tied[i] = self._decided(queries[i], index[i])
-        return Neighbours(index, near, tied)
+        k = min(k, len(self.points))
+        distance, index = self._tree.query(turned, np.arange(1, k + 2))
+        return Neighbours(index[:, :k], distance[:, :k], distance[:, k])
 
     def query_one(self, query: Array, k: int) -> tuple[Indices, Array] | None:
-        """Return the k nearest points of a single query faster than `query`, or None.
+        """Return the k nearest points of one query and weights in proportion to `Neighbours.weights`, faster than `query`.
 
-        None is returned for exact hits, for ties for the last place, for fewer than k + 1 points and for a query that
-        is not finite. `query` handles these cases.
+        None is returned for a query that equals a point, that has a repeated point among its neighbours, whose
+        neighbours are all equally far, or that is not finite, and for fewer than k + 1 points.
 
         Args:
             query: shape (d,).
             k: number of neighbours.
 
         Returns:
-            Indices and squared distances of the points, shape (k,) each.
+            Indices and weights of the points, shape (k,) each.
         """
         turned = (query - self._centre) @ self._axes
-        size = self._size + float(turned.dot(turned))
-        if not (size < np.inf and k < self.count):
+        if not (k < len(self.points) and float(turned.dot(turned)) < np.inf):
             return None
-        squared, index = self._tree.query(turned, k + 1)
-        squared *= squared
-        doubt = SLACK * size
-        if squared[0] <= doubt or squared[k] - squared[k - 1] <= doubt:
+        distance, index = self._tree.query(turned, k + 1)
+        index = index[:k]
+        if not 0.0 < distance[0] * (1.0 + ROUNDING) < distance[k] or (
+            self._any_repeated and self.repeated[index].any()
+        ):
             return None
-        return index[:k], squared[:k]
-
-    def within(self, query: Array, squared: float) -> Indices:
-        """Return the indices, in rising order, of all points within a squared distance of one query, shape (d,)."""
-        turned = (np.asarray(query, np.float64) - self._centre) @ self._axes
-        doubt = SLACK * (float(turned @ turned) + self._size)
-        near = np.asarray(self._tree.query_ball_point(turned, np.sqrt(max(squared, 0.0) + doubt)), np.int64)
-        near.sort()
-        return near[self._squared(query, near) <= squared]
-
-    def _decided(self, query: Array, found: Indices) -> tuple[Indices, Array, bool]:
-        """Solve one query with the points as given.
-
-        Args:
-            query: shape (d,).
-            found: its neighbours in rotated coordinates, shape (k,).
-
-        Returns:
-            Indices and squared distances of the neighbours, shape (k,) each, and whether they are tied.
-        """
-        k = len(found)
-        rows = self.within(query, float(self._squared(query, found).max()))
-        squared = self._squared(query, rows)
-        order = np.lexsort((rows, squared))
-        near = squared[order]
-        tied = bool((len(rows) > k and near[k] == near[k - 1]) or (k > 1 and near[1] == 0.0))
-        return rows[order[:k]], near[:k], tied
-
-    def _squared(self, query: Array, rows: Indices) -> Array:
-        off = self.points[rows] - query
-        return np.einsum("ij,ij->i", off, off)
+        inverse = distance**-2.0
+        return index, inverse[:k] - inverse[k]

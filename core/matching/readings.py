@@ -87,9 +87,14 @@ class Readings:
         return quantised(exact)
 
 
+def within_scale(counts: Array) -> Array:
+    """Clip counts to the scale of 12 bits, without rounding."""
+    return np.clip(counts, 0.0, float(FULL_SCALE))
+
+
 def quantised(counts: Array) -> Counts:
     """Round counts to whole numbers and clip them to the scale of 12 bits."""
-    return np.clip(np.rint(counts), 0, FULL_SCALE).astype(np.uint16)
+    return within_scale(np.rint(counts)).astype(np.uint16)
 
 
 def step_of(readings: NDArray[Any]) -> float:

@@ -27,9 +27,9 @@ from ..npz import opened_npz
 from ..skin.model import SkinModel
 from ..skin.observation import skin_key
 from ..surrogate.press_points import press_points
-from .nearest import NEIGHBOURS, NearestPoints
+from .nearest import NEIGHBOURS, NearestPoints, neighbours
 from .platforms import mechanism, mechanism_key, scale_of
-from .readings import Counts, Readings, quantised, saturated
+from .readings import Readings, saturated, within_scale
 from .sweep import sweep
 
 FORMAT = "dermis-skin-table 1"
@@ -87,6 +87,11 @@ class SkinTable:
         if not 0 <= self.rest < n:
             raise DermisError("the rest row does not exist", where="look-up table", value=self.rest)
 
+    @property
+    def neighbours(self) -> int:
+        """Number of rows that are averaged, see `nearest.neighbours`."""
+        return neighbours(self.commands.shape[1])
+
     @cached_property
     def by_reading(self) -> NearestPoints:
         """Search structure by readings, without rows that count as rest."""
@@ -137,13 +142,13 @@ class SkinTable:
         return NearestPoints(self.commands / self.scale)
 
     def save(self, path: Path) -> None:
-        """Write the table, with commands in single precision; after an error an existing file is unchanged."""
+        """Write the table; after an error an existing file is unchanged."""
         header = np.frombuffer(json.dumps({"format": FORMAT, **self.meta}, sort_keys=True).encode(), np.uint8)
         write_npz(
             Path(path),
             {
                 "header": header,
-                "commands": self.commands.astype(np.float32),
+                "commands": self.commands,
                 "readings": self.readings,
                 "rest": np.array(self.rest),
                 "scale": self.scale,
@@ -207,10 +212,12 @@ def sound(pressed: Pressed) -> NDArray[np.bool_]:
     return good & (pressed.left <= USABLE)
 
 
-def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Array, Counts, dict[str, int]]:
+def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Array, Array, dict[str, int]]:
     """Return commands and readings of the valid rows with contact, and numbers of other rows by reason.
 
-    A row in which the tissue's law did not converge is kept if its residual is below `USABLE`.
+    Readings are not rounded to whole counts: a rounded reading may differ by a count between computers, and in light
+    touches neighbouring rows differ by no more. A row in which the tissue's law did not converge is kept if its
+    residual is below `USABLE`.
 
     Args:
         readings: the virtual sensor.
@@ -220,7 +227,7 @@ def tabulate(readings: Readings, commands: Array, pressed: Pressed) -> tuple[Arr
     good = sound(pressed)
     keep = good & pressed.touching
     amounts = None if pressed.amounts is None else pressed.amounts[keep]
-    counts = quantised(readings.counts(pressed.force[keep], amounts))
+    counts = within_scale(readings.counts(pressed.force[keep], amounts))
     left = {
         "rest_rows": int((good & ~pressed.touching).sum()),
         "unbalanced_rows": int((~good).sum()),
@@ -240,11 +247,11 @@ def build(spec: DeviceSpec, skin: SkinModel, readings: Readings, rows: int) -> S
 
 
 def assemble(
-    spec: DeviceSpec, skin: SkinModel, sensor: Readings, commands: Array, counts: Counts, meta: Mapping[str, Any]
+    spec: DeviceSpec, skin: SkinModel, sensor: Readings, commands: Array, counts: Array, meta: Mapping[str, Any]
 ) -> SkinTable:
     """Return the table of the rows with contact, with a rest row before them and the origin of the table."""
     rest_command = mechanism(spec).rest
-    readings = np.vstack([quantised(sensor.rest[None]), counts])
+    readings = np.vstack([sensor.rest, counts])
     about = {
         "device": spec.key,
         "device_hash": spec.hash,

@@ -63,7 +63,7 @@ def add_sensors(verbs: Any) -> None:
         PRESETS,
         help="make a device's track of a recording of a sensor",
         description="Make a track that lets a device follow a recording of a sensor. A platform, and a thimble with "
-        "--method lookup, use the eight nearest rows of a table of the device's effect on this sensor; otherwise a "
+        "--method lookup, use the nearest rows of a table of the device's effect on this sensor; otherwise a "
         "thimble uses a model learned from such a table. Prints the error of the table.",
         run="command_line.follow.run",
         writes={"out": False, "plot": False},

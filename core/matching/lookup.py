@@ -1,10 +1,10 @@
 """Look-up matching: motor commands for sensor readings by the nearest rows of a table, and the reverse.
 
-The eight nearest rows are averaged with weights by the inverse square of their distance, less that of the ninth, or by
-a local fit if there are more than three motors (`local_fit`). Commands are then a continuous function of the readings:
-rounding, which differs between computers, changes them by no more than rounding. A query that equals a row returns that
-row. Of rows with equal readings, the one is taken whose command is nearest to the previous one. All rows in which
-nothing touches are replaced by one rest row.
+The nearest rows (`nearest.neighbours`) are averaged with weights by the inverse square of their distance, less that of
+the first row that is left out, or by a local fit if there are more than three motors (`local_fit`). Commands are then a
+continuous function of the readings, so that rounding, which differs between computers, chooses nothing. A query that
+equals a row returns that row. Of rows with equal readings, the one is taken whose command is nearest to the previous
+one. All rows in which nothing touches are replaced by one rest row.
 
 Source: [S2] eq. 1-4 and 8-10 with the corrections; weights that fall to zero at a distance: Franke and Nielson 1980
 """

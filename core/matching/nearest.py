@@ -149,10 +149,11 @@ class NearestPoints:
         return Neighbours(index[:, :k], distance[:, :k], distance[:, k])
 
     def query_one(self, query: Array, k: int) -> tuple[Indices, Array] | None:
-        """Return the k nearest points of one query and weights in proportion to `Neighbours.weights`, faster than `query`.
+        """Return the k nearest points of one query and their weights, faster than `query`.
 
-        None is returned for a query that equals a point, that has a repeated point among its neighbours, whose
-        neighbours are all equally far, or that is not finite, and for fewer than k + 1 points.
+        The weights are in proportion to `Neighbours.weights`. None is returned for a query that equals a point, that
+        has a repeated point among its neighbours, whose neighbours are all equally far, or that is not finite, and for
+        fewer than k + 1 points.
 
         Args:
             query: shape (d,).

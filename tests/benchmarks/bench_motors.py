@@ -186,31 +186,30 @@ def _looked_up(name: str, sensed: Any, *, single: bool) -> Result:
 
     from core.design.interactions import NOISE
     from core.matching.lookup import commands_of
-    from core.matching.nearest import NEIGHBOURS
 
     given = table().heard_with(NOISE)
     points = given.exact_readings[given.heard]
     tree = cKDTree(points)
     loud = given.from_rest(sensed) > given.noise_floor
-    ours = given.by_reading.query(sensed[loud], NEIGHBOURS)
-    distance, index = tree.query(sensed[loud], NEIGHBOURS)
-    wrong = [] if np.array_equal(np.rint(distance**2), ours.squared) else ["ckdtree has other neighbours"]
-    weights = 1.0 / np.maximum(ours.squared, 1e-300)
+    k = given.neighbours
+    ours = given.by_reading.query(sensed[loud], k)
+    distance, index = tree.query(sensed[loud], k + 1)
+    wrong = [] if np.allclose(distance[:, :k], ours.distance, atol=1e-6) else ["ckdtree has other neighbours"]
+    weights = 1.0 / np.maximum(distance[:, :k], 1e-150) ** 2 - 1.0 / distance[:, k:] ** 2
+    index = index[:, :k]
     peers_answer = np.einsum("qk,qkm->qm", weights, given.heard_commands[index]) / weights.sum(axis=1, keepdims=True)
     off = np.abs(peers_answer - commands_of(given, sensed)[loud]).max(axis=1)
-    if (off[~ours.tied & (ours.squared[:, 0] > 0)] > 1e-9).any():
+    if (off[ours.distance[:, 0] > 0] > 1e-9).any():
         wrong.append("ckdtree gives other commands")
     if single:
         own = _one_by_one(lambda q: commands_of(given, q), [q[None] for q in sensed[:: max(len(sensed) // SINGLES, 1)]])
-        other = _one_by_one(lambda q: tree.query(q, NEIGHBOURS), list(sensed[:: max(len(sensed) // SINGLES, 1)]))
+        other = _one_by_one(lambda q: tree.query(q, k + 1), list(sensed[:: max(len(sensed) // SINGLES, 1)]))
     else:
         own = [1e3 / len(sensed) * measure(lambda: commands_of(given, sensed), 1, warmup=w).median for w in (1, 0, 0)]
-        other = [
-            1e3 / len(sensed) * measure(lambda: tree.query(sensed, NEIGHBOURS), 1, warmup=0).median for _ in range(3)
-        ]
+        other = [1e3 / len(sensed) * measure(lambda: tree.query(sensed, k + 1), 1, warmup=0).median for _ in range(3)]
 
     def brute(query: Any) -> Any:
-        return np.argpartition(((points - query) ** 2).sum(axis=1), NEIGHBOURS)[:NEIGHBOURS]
+        return np.argpartition(((points - query) ** 2).sum(axis=1), k)[:k]
 
     forced = _one_by_one(brute, list(sensed[:: len(sensed) // BRUTE]))
     mine, peer = timing(own), timing(other)

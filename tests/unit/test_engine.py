@@ -23,6 +23,7 @@ ASIDE, TILT = 1e-3, np.radians(8.0)  # of the finger on the ball [m], and of the
 TISSUES = {"": {}, ", neo-Hookean": {"tissue": "neo_hookean"}}
 DEVICES = ("haptip", "thimble_3rrs", "pin_array_128")
 SCENES = tuple(product(SHAPES, TISSUES))
+LOOKED_UP = ("plate", "")  # the one scene with a cable platform, whose table takes seconds to sweep
 
 
 def mesh_of(shape: str) -> Mesh:
@@ -35,16 +36,22 @@ def mesh_of(shape: str) -> Mesh:
     return Mesh(np.column_stack([plate.vertices[:, 0], turned]), plate.triangles)
 
 
+def devices_of(shape: str, tissue: str) -> tuple[str, ...]:
+    """Return the devices on the finger in a scene."""
+    return (*DEVICES, "cable_platform") if (shape, tissue) == LOOKED_UP else DEVICES
+
+
 def commands(shape: str, tissue: str) -> dict[str, list[list[float]]]:
     """Return the commands at every tenth frame of a press with a short slide, by shape, device and tissue.
 
     The plate is tilted, and the finger beside the middle of the ball. Pressed straight onto something symmetric, a
-    device may have two best poses, mirror images of each other, and a processor's rounding chooses between them. So it
-    does where a cable platform looks a touch up in its table, which is why none is here.
+    device that is searched may have two best poses, mirror images of each other, and a processor's rounding chooses.
     """
     aside = ASIDE if shape == "ball" else 0.0
     way = [(1e-3 * max(i - 30, 0) / 20, aside, 0.2e-3 - 1e-3 * min(i / 30, 1.0)) for i in range(51)]
-    finger = Finger("Index", tuple(map(DeviceUse, DEVICES)), {"skin_level": "draft", **TISSUES[tissue]})
+    finger = Finger(
+        "Index", tuple(map(DeviceUse, devices_of(shape, tissue))), {"skin_level": "draft", **TISSUES[tissue]}
+    )
     body = Body("Body", mesh_of(shape), {"friction": 0.3})
     bake = run(scene_from_poses(120.0, [(finger, way)], [(body, (0.0, 0.0, 0.0))]))
     found = {}
@@ -61,7 +68,7 @@ def stored() -> dict[str, Any]:
 
 
 def test_every_scene_is_stored(stored: dict[str, Any]) -> None:
-    names = {f"{shape}, {device}{tissue}" for (shape, tissue), device in product(SCENES, DEVICES)}
+    names = {f"{shape}, {device}{tissue}" for shape, tissue in SCENES for device in devices_of(shape, tissue)}
     assert stored["commands"].keys() == names
 
 
@@ -72,7 +79,7 @@ def test_an_engine_that_gives_other_commands_has_another_number(
     """Where this fails after a change of the engine: raise ENGINE, and run this file to store what it gives now."""
     assert stored["engine"] == ENGINE, "run 'python -m tests.unit.test_engine' after raising the number"
     found = commands(shape, tissue)
-    assert len(found) == len(DEVICES)
+    assert len(found) == len(devices_of(shape, tissue))
     for name, values in found.items():
         wanted = np.array(stored["commands"][name])
         size = max(float(np.abs(wanted).max()), 1e-12)

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import os
+import platform
+import subprocess
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -270,6 +276,64 @@ def test_a_scene_is_rendered_and_the_track_makes_the_skin_feel_alike(device):
     # a table of some thousand rows is dense for three motors and coarse for six
     coarse = {"cable_platform": 0.1, "hexapod": 0.2}[device]
     assert abs(felt[:, -1].max() - wanted[:, -1].max()) < coarse * (wanted[:, -1].max() - 500)
+
+
+def pressed_lightly(tilt=0.0, slide=1e-3, samples=60):
+    """Commands of a cable platform for a tilted plate that presses 0.1 mm deep and slides to one side [m]."""
+    from core.pipeline.render import run
+    from core.scene.from_poses import scene_from_poses
+    from core.scene.tactile_scene import Body, DeviceUse, Finger, Mesh
+    from core.surface.gap import Surface
+
+    flat = Surface.block(0.1, 0.1).mesh
+    turn = np.array([[np.cos(tilt), 0.0, np.sin(tilt)], [0.0, 1.0, 0.0], [-np.sin(tilt), 0.0, np.cos(tilt)]])
+    plate = Body("Plate", Mesh(flat.vertices @ turn.T, flat.triangles), {"friction": 0.3})
+    finger = Finger("Index", (DeviceUse("cable_platform"),), {"skin_level": "draft"})
+    share = np.arange(samples) / (samples - 1)
+    down, along = np.minimum(2.0 * share, 1.0), np.maximum(2.0 * share - 1.0, 0.0)
+    way = [(slide * y, 0.0, 0.1e-3 - 0.2e-3 * d) for y, d in zip(along, down, strict=True)]
+    bake = run(scene_from_poses(100.0, [(finger, way)], [(plate, (0.0, 0.0, 0.0))]))
+    return bake.outputs[0].track.values[samples // 4 :]  # before, the servos are on the way to the finger
+
+
+KERNELS = ("Haswell", "Prescott")  # of OpenBLAS, with and without fused multiplication and addition
+
+
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="these kernels are of another processor")
+def test_two_blas_kernels_give_the_same_commands_for_a_plate_pressed_lightly():
+    code = (
+        "import json; from tests.unit.matching.test_lookup import pressed_lightly;"
+        "print(json.dumps(pressed_lightly(samples=119).tolist()))"
+    )
+    children = [
+        subprocess.Popen(
+            [sys.executable, "-c", code],
+            cwd=Path(__file__).parents[3],
+            env={**os.environ, "OPENBLAS_CORETYPE": kernel},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for kernel in KERNELS
+    ]
+    one, other = (np.array(json.loads(child.communicate()[0].splitlines()[-1])) for child in children)
+    assert (one != other).any(), "both kernels are one and the same here"
+    np.testing.assert_allclose(one, other, atol=1e-3 * np.abs(one).max())
+
+
+def test_a_mirrored_touch_gives_the_mirrored_commands():
+    """The plate is tilted to either side; motors 2 and 3 stand at the left and at the right. Rows of the table are
+    settled to 2e-4 of their forces only, so mirrored rows differ by as much.
+    """
+    left, right = pressed_lightly(0.1), pressed_lightly(-0.1, -1e-3)
+    assert np.abs(left[:, 1] - left[:, 2]).max() > 0.1
+    np.testing.assert_allclose(right, left[:, [0, 2, 1]], atol=1e-3 * np.abs(left).max())
+
+
+def test_a_platform_does_not_hop_in_a_slow_slide():
+    """Between twice as many samples of one way, commands change by half as much at most."""
+    half = [pressed_lightly(samples=n) for n in (60, 119)]
+    steps = [np.abs(np.diff(values[len(values) // 3 :], axis=0)).max() for values in half]
+    assert steps[1] < 0.75 * steps[0]
 
 
 def test_skins_that_are_alike_have_one_table_in_a_process(monkeypatch):

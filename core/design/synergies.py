@@ -200,5 +200,7 @@ def reduce(
         ]
     )
     touch = np.array([float(np.sqrt((table.from_rest(target) ** 2).mean())) for target in sensed])
-    resolution = step_of(table.readings) * float(np.sqrt(ROUNDED * table.readings.shape[1]))
+    # A simulated table is not rounded, but the virtual sensor reads whole counts.
+    step = 1.0 if "mechanism" in table.meta else step_of(table.readings)
+    resolution = step * float(np.sqrt(ROUNDED * table.readings.shape[1]))
     return Reduction(parts, error, touch, resolution, limit)

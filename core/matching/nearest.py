@@ -25,6 +25,7 @@ from ..arrays import Array, Indices
 from ..errors import DermisError
 
 NEIGHBOURS = 8  # number of neighbours that are averaged by the inverse square of their distance. Source: [S2] III.B
+AT_ONCE = 4096  # queries whose neighbours' coordinates are held at once
 LEAF = 32  # points in a leaf of the tree; the fastest as measured
 ROUNDING = 1e-12  # rounding error of a distance, relative to the norms of points and queries
 
@@ -145,8 +146,16 @@ class NearestPoints:
         if not np.isfinite(turned).all():
             raise DermisError("a query is not finite", where="look-up table")
         k = min(k, len(self.points))
-        distance, index = self._tree.query(turned, np.arange(1, k + 2))
-        return Neighbours(index[:, :k], distance[:, :k], distance[:, k])
+        more = min(k + 1, len(self.points))
+        index = self._tree.query(turned, np.arange(1, more + 1))[1]
+        squared = np.empty(index.shape)
+        for at in range(0, len(index), AT_ONCE):  # with the points as given, so that a hit is at distance 0
+            rows = slice(at, at + AT_ONCE)
+            squared[rows] = _squared(self.points[index[rows]], queries[rows, None])
+        order = np.argsort(squared, axis=1, kind="stable")
+        index, distance = (np.take_along_axis(a, order, axis=1) for a in (index, np.sqrt(squared)))
+        reach = distance[:, k] if more > k else np.full(len(index), np.inf)
+        return Neighbours(index[:, :k], distance[:, :k], reach)
 
     def query_one(self, query: Array, k: int) -> tuple[Indices, Array] | None:
         """Return the k nearest points of one query and their weights, faster than `query`.
@@ -160,16 +169,23 @@ class NearestPoints:
             k: number of neighbours.
 
         Returns:
-            Indices and weights of the points, shape (k,) each.
+            Indices and weights of the points and of the first that is left out, shape (k + 1,) each.
         """
         turned = (query - self._centre) @ self._axes
         if not (k < len(self.points) and float(turned.dot(turned)) < np.inf):
             return None
-        distance, index = self._tree.query(turned, k + 1)
-        index = index[:k]
-        if not 0.0 < distance[0] * (1.0 + ROUNDING) < distance[k] or (
-            self._any_repeated and self.repeated[index].any()
-        ):
+        index = self._tree.query(turned, k + 1)[1]
+        squared = _squared(self.points.take(index, axis=0), query)
+        least = float(squared.min())
+        if not 0.0 < least * (1.0 + 2.0 * ROUNDING) < squared.max():
             return None
-        inverse = distance**-2.0
-        return index, inverse[:k] - inverse[k]
+        if self._any_repeated and self.repeated[index].any():
+            return None
+        inverse = 1.0 / squared
+        return index, inverse - inverse.min()
+
+
+def _squared(points: Array, query: Array) -> Array:
+    """Return the squared distances of points, shape (..., d), from queries."""
+    off = points - query
+    return np.asarray(np.einsum("...i,...i->...", off, off))

@@ -142,13 +142,13 @@ class SkinTable:
         return NearestPoints(self.commands / self.scale)
 
     def save(self, path: Path) -> None:
-        """Write the table; after an error an existing file is unchanged."""
+        """Write the table, with commands in single precision; after an error an existing file is unchanged."""
         header = np.frombuffer(json.dumps({"format": FORMAT, **self.meta}, sort_keys=True).encode(), np.uint8)
         write_npz(
             Path(path),
             {
                 "header": header,
-                "commands": self.commands,
+                "commands": self.commands.astype(np.float32),
                 "readings": self.readings,
                 "rest": np.array(self.rest),
                 "scale": self.scale,
@@ -249,9 +249,12 @@ def build(spec: DeviceSpec, skin: SkinModel, readings: Readings, rows: int) -> S
 def assemble(
     spec: DeviceSpec, skin: SkinModel, sensor: Readings, commands: Array, counts: Array, meta: Mapping[str, Any]
 ) -> SkinTable:
-    """Return the table of the rows with contact, with a rest row before them and the origin of the table."""
-    rest_command = mechanism(spec).rest
-    readings = np.vstack([sensor.rest, counts])
+    """Return the table of the rows with contact, with a rest row before them and the origin of the table.
+
+    Its numbers are rounded to single precision, so that a table from a file is the same.
+    """
+    rows = np.vstack([mechanism(spec).rest, commands]).astype(np.float32).astype(np.float64)
+    readings = np.vstack([sensor.rest, counts]).astype(np.float32)
     about = {
         "device": spec.key,
         "device_hash": spec.hash,
@@ -261,7 +264,7 @@ def assemble(
         "tissue": skin.tissue,
         **meta,
     }
-    return SkinTable(np.vstack([rest_command, commands]), readings, 0, scale_of(spec), 0.0, about)
+    return SkinTable(rows, readings, 0, scale_of(spec), 0.0, about)
 
 
 def belongs(table: SkinTable, spec: DeviceSpec, skin: SkinModel | None = None, where: str = "") -> tuple[Finding, ...]:

@@ -101,11 +101,12 @@ def test_worker_processes_make_the_same_table(spec, tmp_path, monkeypatch):
         there, said = drain(collect(spec, SHAPE, tmp_path / "there", rows=216, executor=executor))
     assert said[-1] == (216 - here.meta["unreached_rows"],) * 2
     np.testing.assert_array_equal(there.commands, here.commands)
-    # two BLAS builds, or thread counts, may round a product otherwise: at most the last count
-    assert np.abs(there.readings.astype(int) - here.readings).max() <= 1
+    # two BLAS builds, or thread counts, may round a product otherwise: contact is settled to 2e-4 of its forces
+    touch = here.from_rest(here.readings)[:, None]
+    assert (np.abs(there.readings - here.readings) <= 1e-3 * touch).all()
     here.save(tmp_path / "a.npz")
     here.save(tmp_path / "b.npz")
-    assert os.path.getsize(tmp_path / "a.npz") < 60 * len(here.commands) + 4000
+    assert os.path.getsize(tmp_path / "a.npz") < 100 * len(here.commands) + 4000  # 23 numbers of 4 bytes a row
     assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
 
 

@@ -92,7 +92,7 @@ def test_a_scene_is_felt_by_its_fingers_own_skin(skin, tmp_path):
 
 
 def test_a_scene_that_fills_the_sensors_scale_is_refused_as_a_recording_is(spec, table):
-    values = np.tile(table.exact_readings[5], (100, 1))
+    values = np.tile(np.rint(table.exact_readings[5]), (100, 1))
     values[:6, 3] = 4095
     with pytest.raises(DermisError, match=r"channel 4: .*saturated .*6 % of the time.*allowed: 5 %"):
         design(spec, table, {"deep": values})

@@ -13,7 +13,7 @@ from core.design.answer import POOR, design
 from core.design.report import as_json, as_text
 from core.errors import DermisError
 from core.matching.lookup import readings_for
-from core.matching.readings import at_the_end, in_steps, readings_of, step_of
+from core.matching.readings import at_the_end, in_steps, quantised, readings_of, step_of
 from core.matching.table import build
 from core.presets import Library
 from tests.unit.command_line.test_design import run
@@ -31,6 +31,7 @@ def spec():
 def swept(spec, skin):
     """A table of whole counts, and a touch in which two motors move: rest, three presses, rest; with noise."""
     table = build(spec, skin, readings_of(skin), 512)
+    table = replace(table, readings=quantised(table.readings))
     low, high = np.percentile(table.commands[1:], (25, 75), axis=0)
     press = np.sin(np.linspace(0.0, 3.0 * np.pi, 300)) ** 2
     moved = low + (high - low) * np.column_stack([press, 0.5 * press**2, press])

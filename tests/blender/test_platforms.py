@@ -109,7 +109,7 @@ def test_with_a_table_scrubbing_shows_what_a_bake_would(own_folders, device) -> 
     row = next(r for r in views.devices(scene).rows if r.device == device)
     state = skins.own(scene)[0]
     table = platform_devices.table(finger, finger.dermis.finger.devices[0])
-    sensed = core.matching.readings.readings_of(state.model).sense(np.asarray(state.force)[None])
+    sensed = core.matching.readings.readings_of(state.model).counts(np.asarray(state.force)[None])
     expected = core.matching.lookup.commands_of(table, sensed)[0]
     assert state.touching and row.contact == 1.0
     np.testing.assert_allclose(list(row.values.values()), expected)

@@ -152,7 +152,8 @@ def test_platforms_sweep_every_skin_that_ships():
 
 def test_a_platform_that_comes_off_again_is_no_row_without_balance(skin):
     """Tilted far, with one cable slack: taut, as it counts at first, it would let the platform press the skin, but the
-    platform hangs 0.02 to 0.2 mm below it. Such rows were left out of tables as unsettled: their residual was relative to no force.
+    platform hangs 0.02 to 0.2 mm below it. Such rows were left out of tables, as their residual was relative to no
+    force.
     """
     taut = np.array([0.01715603, 0.67178876, 2.03944991])
     rows = taut + np.linspace(-0.015, 0.015, 7)[:, None]

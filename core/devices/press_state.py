@@ -96,9 +96,9 @@ class PressState:
         if self.laws is not None:
             self.left[self.lost] = np.inf
         # The residual is relative to the forces, and means nothing where the platform has come off the skin.
-        free = ~self.force.any(axis=1)
-        free[free] = problem.gap(self.poses.take(np.flatnonzero(free))).min(axis=1, initial=np.inf) >= 0.0
-        self.residual[free] = 0.0
+        free = np.flatnonzero(~self.force.any(axis=1))
+        off = problem.gap(self.poses.take(free)).min(axis=1, initial=np.inf) >= 0.0
+        self.residual[free[off]] = 0.0
         self._settle()
 
     def _looked(self, rows: NDArray[np.intp], ends: bool) -> NDArray[np.intp]:

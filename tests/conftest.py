@@ -72,7 +72,8 @@ def lines_of(items: Sequence[pytest.Item]) -> list[str | None]:
     The mark `one_line` decides where there is one. Else a test runs on both lines, but for two kinds:
 
     * cases of a parametrized test after its first one, in tests/unit and where the mark `shared_cases` allows it;
-    * tests in those folders of tests/unit that hold equations (`EQUATIONS`), after the first one of their file.
+    * tests after the first one of their file, in those folders of tests/unit that hold equations (`EQUATIONS`) and in
+      files with the mark `shared_tests`, but for those that walk through Blender's undo.
 
     For these a checksum of the file's name and the case's (of the test's where it has no cases) draws the line, so
     that each has about half of every file, and what is made once for a case in a file is made on one of them.
@@ -84,9 +85,10 @@ def lines_of(items: Sequence[pytest.Item]) -> list[str | None]:
         file, function = item.nodeid.partition("::")[0], item.nodeid.partition("[")[0]
         line = line_of(item)
         unit = file.startswith("tests/unit/")
-        if line is None and (unit or item.get_closest_marker("shared_cases")):
-            equations = unit and file.split("/")[2] in EQUATIONS
-            if file in files if equations else function in functions:
+        shared = item.get_closest_marker("shared_tests") and not item.get_closest_marker("undo")
+        whole = shared or (unit and file.split("/")[2] in EQUATIONS)
+        if line is None and (unit or whole or item.get_closest_marker("shared_cases")):
+            if file in files if whole else function in functions:
                 case = item.nodeid[len(function) :] or function
                 line = LINES[zlib.crc32(f"{file}{case}".encode()) % 2]
             files.add(file)

@@ -20,6 +20,8 @@ from .build import CUBE, CUBE_FACES, cube, keys, mesh_object, span
 from .hand_rigs import FINGERS, HandRig, LinkedHand, hand
 from .test_undo import push, undo
 
+pytestmark = pytest.mark.shared_tests("geometry of skeletons: names, sizes and poses")
+
 NAMINGS: dict[str, dict[str, Any]] = {
     "Unreal": {"name": hand_rigs.unreal, "wrist": "hand_{}"},
     "Mixamo": {"name": hand_rigs.mixamo, "wrist": "mixamorig:{}Hand", "ends": True, "object_scale": 0.01},
@@ -68,7 +70,6 @@ def check(rig: HandRig, metres: float = 1.0) -> None:
             assert (rig.skin.matrix_world.to_3x3() @ normal).normalized() @ Vector(frame[:3, 2]) < -0.95, name
 
 
-@pytest.mark.shared_cases("names, sizes and poses of skeletons")
 @pytest.mark.parametrize("side", ["L", "R"])
 @pytest.mark.parametrize("skin", [True, False])
 @pytest.mark.parametrize("naming", NAMINGS)
@@ -82,7 +83,6 @@ def test_five_fingers_lie_where_the_hand_has_them(naming: str, skin: bool, side:
     assert sizes["index"] == pytest.approx(16.0, abs=1.5)
 
 
-@pytest.mark.shared_cases("names, sizes and poses of skeletons")
 @pytest.mark.parametrize("side", ["L", "R"])
 @pytest.mark.parametrize("bare", [False, True])
 @pytest.mark.parametrize("made_up", [False, True])
@@ -149,7 +149,6 @@ def test_rigify_gets_its_nails_on_the_back_of_the_hand(rest: str) -> None:
         assert 0.5 < share < 0.7, obj.name
 
 
-@pytest.mark.shared_cases("names, sizes and poses of skeletons")
 @pytest.mark.parametrize(
     ("scale", "metres", "more"),
     [
@@ -583,7 +582,6 @@ def test_the_panel_tells_the_reading_and_offers_the_next_best() -> None:
     assert {name: obj.parent_bone for name, obj in fingers().items()} != rig.last
 
 
-@pytest.mark.shared_cases("names, sizes and poses of skeletons")
 @pytest.mark.parametrize("naming", NAMINGS)
 @pytest.mark.parametrize("side", ["L", "R"])
 def test_fingers_are_called_as_the_panel_says_in_every_reading(naming: str, side: str) -> None:

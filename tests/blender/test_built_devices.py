@@ -19,7 +19,7 @@ from .test_stream import HAPTIP, a_track, state, wait
 from .test_stream_calibration import PLAIN, SET, driven, listed
 from .test_undo import push, undo
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.shared_tests("files of calibrations, and the sender")]
 VIRTUAL = b"VIRTUAL1".hex()  # what the simulated device answers with
 
 

@@ -15,6 +15,8 @@ from blender_addon.results import store
 
 from .build import keys, pressing
 
+pytestmark = pytest.mark.shared_tests("the engine compares in a child")
+
 
 @pytest.fixture
 def touching() -> bpy.types.Scene:

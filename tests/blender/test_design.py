@@ -20,6 +20,8 @@ from core.steps import drain
 from .stand_in import Anything, Panel
 from .test_platforms import own_folders, shown  # noqa: F401  a fixture
 
+pytestmark = pytest.mark.shared_tests("the engine counts motors")
+
 ROWS = 512
 _SWEPT: dict[tuple[str, str], object] = {}
 

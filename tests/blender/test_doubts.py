@@ -19,6 +19,8 @@ from core.contact.solver import path_solver
 from .build import cube, keys, mesh_object
 from .hand_rigs import hand, unreal
 
+pytestmark = pytest.mark.shared_tests("the engine doubts what was sampled")
+
 
 def found() -> dict[str, str]:
     """Return the codes of the doubts about the scene, and whose they are."""
@@ -230,7 +232,6 @@ def test_what_moves_by_itself_is_looked_at_where_it_is_now() -> None:
     assert found() == {}
 
 
-@pytest.mark.shared_cases("bodies and paths of the same kinds")
 @pytest.mark.parametrize(
     "scene",
     [

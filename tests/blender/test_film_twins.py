@@ -15,6 +15,8 @@ from blender_addon.results import store
 from blender_addon.viewport import thimble_twin, twins
 from blender_addon.viewport.parts import Part
 
+pytestmark = pytest.mark.shared_tests("the engine's poses")
+
 
 def bake(demo: Any, frames: int, first: int = 1) -> bpy.types.Scene:
     """Return a demo scene with the bake of so many frames."""

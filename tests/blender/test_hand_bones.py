@@ -11,6 +11,8 @@ from blender_addon.hands.skeleton import Bone, Chain, along_body, joints, wrist_
 
 from . import hand_rigs, hand_schemes
 
+pytestmark = pytest.mark.shared_tests("geometry of skeletons: names, sizes and poses")
+
 SPELLED = {  # of the index finger's last bone on the left: finger, side, place
     "f_index.03.L": 3,
     "DEF-f_index.03.L": 3,
@@ -213,7 +215,6 @@ def test_feet_and_faces_are_no_hands() -> None:
     assert found_hands({"lip_middle.L": bone("lip_middle.L")}) == []
 
 
-@pytest.mark.shared_cases("names, sizes and poses of skeletons")
 @pytest.mark.parametrize("kind", hand_schemes.KINDS)
 @pytest.mark.parametrize("scheme", hand_schemes.SCHEMES)
 def test_every_scheme_of_names_gives_the_same_fingers(scheme: str, kind: str) -> None:

@@ -12,6 +12,8 @@ from blender_addon.hands.nails import curl, nails
 
 from . import hand_rigs
 
+pytestmark = pytest.mark.shared_tests("geometry of skeletons: names, sizes and poses")
+
 WRIST = np.zeros(3)
 PRESETS = {"small": {"length": 22e-3, "width": 14e-3, "thickness": 11.5e-3, "tip": 9.6e-3}}
 PRESETS["large"] = {name: 1.2 * value for name, value in PRESETS["small"].items()}
@@ -24,7 +26,6 @@ def lines(bend: float, side: str) -> tuple[dict[str, np.ndarray], dict[str, np.n
     return {f: made[f][0] * mirror for f in FINGERS}, {f: made[f][1][-1] * mirror for f in FINGERS}
 
 
-@pytest.mark.shared_cases("names, sizes and poses of skeletons")
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("side", ["L", "R"])
 @pytest.mark.parametrize("bend", [0.0, 3.0, 12.0, 45.0, 80.0])

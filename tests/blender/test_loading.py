@@ -23,6 +23,8 @@ from blender_addon.viewport import device_cards, shown, skin_field, slices
 from . import build
 from .stand_in import Anything, Panel
 
+pytestmark = pytest.mark.shared_tests("threads and children of the engine")
+
 MOST = 120.0  # [s] that tests wait
 
 

@@ -19,6 +19,8 @@ from . import build
 from .stand_in import Anything, Panel
 from .test_stream import HAPTIP, a_track, heard, state, wait
 
+pytestmark = pytest.mark.shared_tests("files of calibrations, and the sender")
+
 UP, DOWN = ("-30 -29; -20 -20; -10 -10; 0 0; 10 10; 20 20; 30 30", "20 21; 10 11; 0 1; -10 -9; -20 -19; -30 -29")
 TYPED = f"{UP}; {DOWN}"  # a degree of play
 

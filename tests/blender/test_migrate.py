@@ -13,6 +13,8 @@ from core.track import csv
 
 from .build import pressing
 
+pytestmark = pytest.mark.shared_tests("tracks are compared with files")
+
 
 @pytest.fixture
 def exported(tmp_path: Path) -> Path:

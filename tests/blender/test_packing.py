@@ -11,6 +11,8 @@ from blender_addon.hands import bone_names
 from blender_addon.viewport import cards, packing
 from blender_addon.viewport.packing import Box
 
+pytestmark = pytest.mark.shared_tests("cards are packed by numbers")
+
 ROOM = Box(10, 10, 600, 400)
 
 

@@ -24,7 +24,7 @@ from tests.unit.stream.stream_box import posix
 from .build import finger
 from .test_stream import state, wait
 
-pytestmark = [pytest.mark.real_time, hosted, posix]
+pytestmark = [pytest.mark.real_time, hosted, posix, pytest.mark.shared_tests("the sketch and the sender")]
 SECRET = "a long secret of the lab"
 
 

@@ -19,6 +19,8 @@ from core.scene.sliding import sliding_plane
 
 from .stand_in import Anything, Panel
 
+pytestmark = pytest.mark.shared_tests("the engine's pins")
+
 
 @pytest.fixture
 def demo():

@@ -20,6 +20,8 @@ from blender_addon.viewport import shown as views
 from core.recent import Recent
 from core.steps import drain
 
+pytestmark = pytest.mark.shared_tests("the engine's platforms")
+
 ROWS = 216  # six steps a motor: coarse, and there in a moment
 
 

@@ -18,6 +18,8 @@ from core.steps import drain
 
 from .build import finger, span
 
+pytestmark = pytest.mark.shared_tests("recordings are read by the engine")
+
 
 def files(folder: Path) -> tuple[Path, Path]:
     """Write a made-up table of the cable platform and a recording of four channels, 100 Hz for 1.5 s."""

@@ -18,6 +18,8 @@ from core.steps import drain
 from tests.blender import build
 from tests.blender.test_sampling_screens import image
 
+pytestmark = pytest.mark.shared_tests("reliefs are numbers of the engine")
+
 SLOPED = 0.2  # rise of the test plane along x
 
 

@@ -16,6 +16,8 @@ from blender_addon.viewport import platform_card
 from blender_addon.viewport import shown as views
 from core.steps import drain
 
+pytestmark = pytest.mark.shared_tests("the engine searches")
+
 
 @pytest.fixture
 def ball():
@@ -147,7 +149,6 @@ def _made(path):
     return path
 
 
-@pytest.mark.shared_cases("presets of devices, for the engine")
 @pytest.mark.parametrize("preset", ["thimble_3rrs", "hexapod"])
 def test_the_floor_is_found_and_shown(ball, preset, monkeypatch):
     scene, finger, device = ball

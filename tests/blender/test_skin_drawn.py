@@ -15,6 +15,8 @@ from core.skin.shape import FingertipShape
 from core.skin.stimulus import Stimulus
 from tests.problems import flat_press
 
+pytestmark = pytest.mark.shared_tests("values of the engine's skin")
+
 DEPTH = 1e-3
 
 

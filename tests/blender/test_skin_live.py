@@ -22,6 +22,8 @@ from tests.tissue import save_mesh
 
 from .build import cube, empty, finger, keys, span
 
+pytestmark = pytest.mark.shared_tests("the engine's skin")
+
 DEPTH = 0.8e-3
 TOP = 0.02  # height of the plate's face [m]
 

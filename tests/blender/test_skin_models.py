@@ -14,6 +14,8 @@ from core.errors import DermisError
 from core.presets import Library
 from core.work import child
 
+pytestmark = pytest.mark.shared_tests("a child makes the skin")
+
 SKIN = Library().skin("index_medium")
 
 

@@ -21,6 +21,8 @@ from core.skin.model import skin_from_parameters
 
 from .build import cube, finger, keys, span
 
+pytestmark = pytest.mark.shared_tests("the engine's results")
+
 TOP, DEPTH = 0.02, 0.7e-3
 
 

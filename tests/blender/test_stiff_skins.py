@@ -35,6 +35,8 @@ from tests.tissue import probes_at, save_mesh
 
 from .build import cube, finger, keys, span
 
+pytestmark = pytest.mark.shared_tests("the engine's tissue")
+
 TOP, DEPTH = 0.02, 0.9e-3
 
 

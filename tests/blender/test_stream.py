@@ -21,7 +21,7 @@ from blender_addon.viewport import shown as views
 from .build import finger, keep
 from .stand_in import Anything, Panel
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.shared_tests("the sender is a process of the engine")]
 
 HAPTIP = "haptip"
 

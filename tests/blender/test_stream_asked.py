@@ -19,7 +19,7 @@ from blender_addon.streaming import agreed_paths, session, streamed_track
 from . import build
 from .test_stream import HAPTIP, a_track, scene, state, wait
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.shared_tests("the sender is a process of the engine")]
 __all__ = ["scene"]
 
 

@@ -17,7 +17,7 @@ from blender_addon.viewport import shown as views
 from . import build
 from .test_stream import HAPTIP, a_track, heard, state, wait
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.shared_tests("the sender is a process of the engine")]
 
 
 @pytest.fixture

@@ -17,6 +17,8 @@ from blender_addon.results import store
 from . import build
 from .test_stream import HAPTIP, a_track
 
+pytestmark = pytest.mark.shared_tests("files of the engine")
+
 
 @pytest.fixture
 def two() -> Any:

@@ -17,7 +17,7 @@ from .test_stream import HAPTIP, a_bake, a_track, ended, heard, state, wait
 from .test_stream_changes import there
 from .test_undo import push, undo
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.shared_tests("the sender is a process of the engine")]
 
 
 @pytest.fixture

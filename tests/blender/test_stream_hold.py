@@ -21,7 +21,7 @@ from core.steps import drain
 from . import build
 from .test_stream import HAPTIP, a_bake, a_track, state, wait
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.shared_tests("the sender is a process of the engine")]
 
 
 @pytest.fixture

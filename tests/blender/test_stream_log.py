@@ -17,7 +17,7 @@ from blender_addon.streaming import agreed_paths, session, stream_log
 from .test_stream import scene, state, wait
 from .test_stream_asked import arrived
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.shared_tests("the sender is a process of the engine")]
 __all__ = ["scene"]
 
 

@@ -22,7 +22,7 @@ from . import build
 from .test_stream import HAPTIP, a_bake, a_track, state, wait
 from .test_undo import push, undo
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.shared_tests("the sender is a process of the engine")]
 THIMBLE = "thimble_3rrs"
 
 

@@ -15,7 +15,7 @@ from . import build
 from .stand_in import Anything, Panel
 from .test_stream import HAPTIP, state, wait
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.shared_tests("the sender is a process of the engine")]
 
 
 @pytest.fixture

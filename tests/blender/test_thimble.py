@@ -19,6 +19,8 @@ from blender_addon.viewport import shown as views
 from blender_addon.viewport import thimble_card, thimble_twin, twins
 from core.contact.skin_contact import SkinContact
 
+pytestmark = pytest.mark.shared_tests("the engine's thimble")
+
 
 @pytest.fixture
 def demo():

@@ -13,6 +13,8 @@ from blender_addon.panels import searched
 from blender_addon.properties import skin_properties
 from blender_addon.results import store
 
+pytestmark = pytest.mark.shared_tests("the engine learns in a child")
+
 LESS = {"trajectories": 40, "iterations": 20}
 
 

@@ -12,6 +12,8 @@ from blender_addon.demos import touches as offered
 from blender_addon.results import store
 from tests import touches
 
+pytestmark = pytest.mark.shared_tests("the engine bakes")
+
 TOUCHES = {
     "BALL": touches.ball_roll,
     "EDGE": touches.edge_press,
@@ -22,7 +24,6 @@ TOUCHES = {
 }
 
 
-@pytest.mark.shared_cases("bodies and paths of the same kinds, for the engine")
 @pytest.mark.parametrize("which", list(demo_thimble.SCENES))
 def test_every_scene_bakes_without_a_warning_and_touches(which) -> None:
     choices.refresh()

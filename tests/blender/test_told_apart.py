@@ -15,6 +15,8 @@ from blender_addon.results import store
 from .build import cube, finger, keys, span
 from .stand_in import Anything, draw_panels
 
+pytestmark = pytest.mark.shared_tests("the engine works in a child")
+
 
 def pressing(deep: list[float]) -> bpy.types.Scene:
     """Return a scene with a finger that presses a plate as deep as asked [mm], once after the other."""

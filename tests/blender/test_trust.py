@@ -14,6 +14,8 @@ from core.comparison.scene_variants import shifted
 
 from .build import pressing, span
 
+pytestmark = pytest.mark.shared_tests("the engine's band")
+
 
 @pytest.fixture
 def baked() -> bpy.types.Scene:

@@ -62,7 +62,7 @@ def told(pytester: pytest.Pytester) -> pytest.Pytester:
         "from tests.conftest import pytest_addoption, pytest_collection_finish, pytest_collection_modifyitems\n"
         "from tests.conftest import pytest_terminal_summary\n"
         "def pytest_configure(config):\n"
-        "    for mark in ('one_line', 'shared_cases'):\n"
+        "    for mark in ('one_line', 'shared_cases', 'shared_tests'):\n"
         "        config.addinivalue_line('markers', f'{mark}: as in the project')\n"
     )
     return pytester
@@ -139,6 +139,14 @@ def test_cases_in_blender_are_shared_where_a_mark_allows_it(told: pytest.Pyteste
     run = shares(told, "tests/blender", CASES.replace("@pytest", "@pytest.mark.shared_cases('presets')\n@pytest", 1))
     assert run["3.11"] & run["3.13"] >= {f"same_cases[{n}]" for n in range(20)} | {"cases[0]"}
     assert sum(f"cases[{n}]" in run["3.11"] and f"cases[{n}]" in run["3.13"] for n in range(20)) == 1
+
+
+@pytest.mark.parametrize("folder", ["tests/blender", "tests/unit/stream"])
+def test_a_file_is_shared_where_a_mark_allows_it(told: pytest.Pytester, folder: str) -> None:
+    run = shares(
+        told, folder, CASES.replace("import pytest\n", "import pytest\npytestmark = pytest.mark.shared_tests('x')\n")
+    )
+    assert run["3.11"] & run["3.13"] == {"cases[0]"} and min(map(len, run.values())) > 20
 
 
 def test_folders_of_equations_are_there() -> None:

@@ -37,6 +37,7 @@ def test_an_adaptation_is_two_files_and_says_how_good_it_is(
     assert "by the neo-Hookean law" not in told
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_a_neo_hookean_finger_is_learned_by_its_law(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["--level", "draft", "--tissue", "neo_hookean"]
     assert main(["thimble", "adapt", "--out", str(tmp_path), *words, *FEW]) == 0

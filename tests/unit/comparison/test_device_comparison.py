@@ -29,6 +29,8 @@ from core.steps import drain
 from core.surface.gap import Surface
 from core.surrogate.store import contact_of
 
+pytestmark = pytest.mark.one_line("3.11", "numbers alone, of one touch for the whole file")
+
 RATE, DEPTH = 120.0, 0.8e-3
 SKIN = {"skin_level": "draft", "contact": "nodes"}
 
@@ -162,7 +164,6 @@ def test_what_is_told_of_a_touch_is_told_once_and_in_a_line(cache: Cache, monkey
     assert sum("sinks too deep" in line for line in head) == 1
 
 
-@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_devices_are_compared_by_the_law_of_the_tissue(cache: Cache, tmp_path: Path) -> None:
     """Tissue that stiffens, of any Poisson's ratio: felt so, matched so and judged so, and nothing is to be told."""
     few = ("haptip", "pin_array_128", "thimble_3rrs")  # tables of six legs and platforms take minutes

@@ -21,6 +21,8 @@ from core.scene.tactile_scene import Body, DeviceUse, Finger, TactileScene
 from core.steps import drain
 from core.surface.gap import Surface
 
+pytestmark = pytest.mark.one_line("3.13", "numbers alone, of one touch for the whole file")
+
 RATE = 60.0
 SKIN = {"skin_level": "draft", "contact": "nodes"}
 

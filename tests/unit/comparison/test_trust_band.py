@@ -19,6 +19,8 @@ from core.steps import drain
 from core.surface.gap import Surface
 from core.track.command_track import CommandTrack
 
+pytestmark = pytest.mark.one_line("3.11", "numbers alone, of one touch for the whole file")
+
 FAR = 50e-6  # a shift that does matter [m]
 
 

@@ -24,6 +24,8 @@ from core.surrogate.table import SampleTable
 from core.track import csv
 from tests.unit.design.test_recorded_verdicts import CHANNELS, swept, written  # noqa: F401
 
+pytestmark = pytest.mark.one_line("3.13", "numbers alone, of one touch for the whole file")
+
 
 @pytest.fixture(scope="module")
 def spec():

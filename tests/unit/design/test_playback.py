@@ -19,6 +19,8 @@ from core.presets import Library
 from core.track import csv
 from tests.unit.design.test_recorded_verdicts import CHANNELS, spec, swept, written  # noqa: F401
 
+pytestmark = pytest.mark.one_line("3.11", "numbers alone, of one touch for the whole file")
+
 DELAY, GAIN, BEFORE = 0.0373, 0.9, 0.8
 
 

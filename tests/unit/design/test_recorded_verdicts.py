@@ -18,6 +18,8 @@ from core.matching.table import build
 from core.presets import Library
 from tests.unit.command_line.test_design import run
 
+pytestmark = pytest.mark.one_line("3.13", "numbers alone, of one touch for the whole file")
+
 CHANNELS = tuple(f"e{i + 1}" for i in range(19)) + ("pressure",)
 MOTORS = ("m1", "m2", "m3")
 

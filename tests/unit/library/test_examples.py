@@ -52,6 +52,7 @@ def test_pins_matched(library: Installed) -> None:
     assert told["FM2"]["sum"] == pytest.approx(touch["normal_force"], rel=0.15), "the same push, in few places"
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_thimble_follows(library: Installed) -> None:
     """It presses while the plate does and not before, as hard as it, and never faster than its servos turn."""
     told = result(library, "thimble_follows.py")
@@ -76,6 +77,7 @@ def test_scene_to_csv(library: Installed) -> None:
     assert told["off"] < 1e-9 and told["duration"] == pytest.approx(0.295, abs=1e-3)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_depth_map_to_volts(library: Installed) -> None:
     """Friction follows the slope uphill, steepest at sigma before the top, and volts [S4] eq. 1; nothing downhill."""
     told = result(library, "depth_map_to_volts.py")

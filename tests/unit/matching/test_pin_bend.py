@@ -100,6 +100,7 @@ class Exact:
         return min(errors)
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_the_gradient_is_that_of_the_law() -> None:
     exact, law = Exact(), ready().matcher.law
     assert law is not None

@@ -46,6 +46,7 @@ def test_devices_follow_points_as_they_follow_nodes(device: str) -> None:
     assert on_points.content_hash != on_nodes.content_hash
 
 
+@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_points_give_the_same_bytes_twice(tmp_path: Path) -> None:
     first, again = (rendered("pin_array_128", Surface.sphere(8e-3), contact="points") for _ in range(2))
     assert first.content_hash == again.content_hash

@@ -131,7 +131,7 @@ def test_extreme_friction_obeys_the_laws(mu):
         laws(solve(compliance, offset, mu))
 
 
-@pytest.mark.parametrize("factor", 10.0 ** np.arange(-3, 4))
+@pytest.mark.parametrize("factor", [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3])
 def test_scaling_the_stiffness_scales_the_forces(factor):
     compliance, offset, friction = random_problem(4, 10)
     one = solve(compliance, offset, friction).force

@@ -10,6 +10,8 @@ from blender_addon.demos import demo_skin
 from blender_addon.preview import device_preview, skin_preview
 from blender_addon.viewport import shown, slices
 
+pytestmark = pytest.mark.shared_tests("slices of the engine's work, and when they are due")
+
 
 @pytest.fixture
 def hands() -> bpy.types.Scene:

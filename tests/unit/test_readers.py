@@ -181,6 +181,7 @@ def test_what_may_not_be_read_is_refused(reader: Reader, tmp_path: Path) -> None
 
 
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.one_line("3.11", "words of refusals; the rest of this file runs on both lines")
 def test_every_reader_refuses_the_files_of_all_others(tmp_path: Path) -> None:
     found = Found()
     for reader in READERS:

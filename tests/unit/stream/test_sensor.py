@@ -27,7 +27,10 @@ from tests import exits
 from tests.unit.stream.stream_box import Box, posix
 from tests.unit.stream.test_touch_panel import free_port, latest, until_armed
 
-pytestmark = pytest.mark.real_time
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.shared_tests("the board is simulated; senders that end run on both lines"),
+]
 
 CHANNELS = 4
 SPEC = Library().device("cable_platform")

@@ -25,7 +25,10 @@ from tests import exits
 from tests.unit.stream.stream_box import Box, posix
 from tests.unit.stream.stream_lab import ramp
 
-pytestmark = pytest.mark.real_time
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.shared_tests("the board is simulated; senders that end run on both lines"),
+]
 
 FULL = 10 ** (1.05 / 1.24) * 60 ** (1 / 1.24)  # [V] of friction 60: log10 f = 1.24 log10 V - 1.05
 

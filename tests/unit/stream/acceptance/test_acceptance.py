@@ -31,6 +31,8 @@ from core.stream.request import StreamRequest
 from core.work.child import command, environment
 from tests.unit.stream.stream_box import posix
 
+pytestmark = pytest.mark.shared_tests("the board is simulated; senders that end run on both lines")
+
 WHEN = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 
 

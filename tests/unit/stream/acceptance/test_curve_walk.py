@@ -18,6 +18,8 @@ from core.stream.acceptance.curve_walk import walk
 from core.stream.request import StreamRequest
 from tests.unit.stream.acceptance.test_acceptance import Yes
 
+pytestmark = pytest.mark.shared_tests("the board is simulated; senders that end run on both lines")
+
 HAPTIP = Library().device("haptip")
 
 

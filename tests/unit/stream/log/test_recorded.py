@@ -28,6 +28,8 @@ from core.work.child import command, environment
 from tests.unit.stream.stream_box import beating, posix, ready
 from tests.unit.stream.stream_lab import Lab, sine_track
 
+pytestmark = pytest.mark.shared_tests("the board is simulated; senders that end run on both lines")
+
 
 def lab_log(lab: Lab, path: Path) -> binary.LogFile:
     """End a lab's stream, and read its log."""

@@ -20,6 +20,8 @@ from core.stream.virtual.maestro import MaestroDevice
 from tests.unit.stream.stream_box import beating, posix, ready
 from tests.unit.stream.stream_lab import Lab
 
+pytestmark = pytest.mark.shared_tests("the board is simulated; senders that end run on both lines")
+
 PRESET = Library().load("devices", "haptip")
 HAPTIP = Wire.of(Library().device("haptip"))
 RETRACTS = "silence=retracts&silence_ms=100"

@@ -21,6 +21,8 @@ from core.work.child import command, environment
 from tests.unit.stream.stream_box import posix
 from tests.unit.stream.stream_lab import Lab
 
+pytestmark = pytest.mark.shared_tests("the board is simulated; senders that end run on both lines")
+
 EVERY, TRIP = 0.01, 0.002  # between questions, and their round trip [s]
 
 

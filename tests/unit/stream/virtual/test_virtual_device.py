@@ -26,7 +26,10 @@ from core.stream.virtual.link import open_any_link
 from tests import exits
 from tests.unit.stream.stream_box import HAPTIP, beating, posix, ready
 
-pytestmark = pytest.mark.real_time
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.shared_tests("the board is simulated; senders that end run on both lines"),
+]
 
 serial = pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
 

@@ -28,6 +28,8 @@ from core.stream.virtual.program import Endpoint
 from tests.unit.stream.stream_box import beating, posix, ready
 from tests.unit.stream.stream_lab import Lab
 
+pytestmark = pytest.mark.shared_tests("the board is simulated; senders that end run on both lines")
+
 PRESET = Library().load("devices", "haptip")
 HAPTIP = Wire.of(Library().device("haptip"))
 BOTH = ["dynamixel", "feetech"]

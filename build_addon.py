@@ -18,6 +18,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
@@ -473,7 +474,7 @@ def test(options: argparse.Namespace) -> int:
             return [judged(env, part, mine + others, Path(scratch), log, nicer)] if there else []
 
         if hasattr(os, "setpriority"):
-            with open(Path(scratch) / "log", "w+") as log, ThreadPoolExecutor(1) as beside:
+            with open(Path(scratch) / "log", "w+", encoding="utf-8") as log, ThreadPoolExecutor(1) as beside:
                 waiting = [beside.submit(run, part, log) for part in WAIT]
                 try:
                     failed = [] if paths else lint(env)
@@ -546,8 +547,6 @@ def judged(env: Environment, part: Part, arguments: list[str], scratch: Path, lo
     report = scratch / f"{name.replace(', ', '-').replace(' ', '-')}.xml"
     command = [str(env.python), "-m", "pytest", f"--junitxml={report}", "-o", "junit_family=xunit2", "-q"]
     command += ["--durations=25", "--durations-min=5"]  # what a person waits for
-    if part.marks:
-        command += ["-m", part.marks]
     more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile")}
     if level == "unit":
         more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "dask", "sweep", "boards"))))
@@ -555,6 +554,9 @@ def judged(env: Environment, part: Part, arguments: list[str], scratch: Path, lo
         command += ["-o", "pythonpath=tests/extension"]
         more["DERMIS_ZIP"] = str(build_zip(env.python, scratch, this_platform(), this_python()))
     variables = env.variables(level != "extension", **more)
+    asked = [arguments[i + 1] for i, word in enumerate(arguments[:-1]) if word == "-m"]
+    if marks := " and ".join(f"({expression})" for expression in (part.marks, *asked) if expression):
+        arguments = [*arguments, "-m", marks]  # the last one counts
     for tries in reversed(range(UNDO_TRIES if part.marks == "undo" else 1)):
         with subprocess.Popen(command + arguments, cwd=ROOT, env=variables, stdout=log) as process:
             if nicer:
@@ -643,14 +645,18 @@ def stress(options: argparse.Namespace) -> int:
     return subprocess.run(command, cwd=ROOT, env=env.variables(True, PYTHONPATH=path)).returncode
 
 
+ONE_AT_A_TIME = threading.Lock()  # parts of the tests run side by side
+
+
 def beside(env: Environment, *names: str) -> list[Path]:
     """Make (or keep) the folders of lists that tests and benchmarks can do without; the extension has none of them."""
     folders = []
     for name in names:
         folder, lock = VENV / f"{env.python.parents[1].name}-{name}", LOCKS / f"{name}.txt"
         try:
-            if not fresh(folder, lock):
-                install_into(folder, lock, env.python)
+            with ONE_AT_A_TIME:
+                if not fresh(folder, lock):
+                    install_into(folder, lock, env.python)
             folders.append(folder)
         except Stop as problem:
             say(f"WARNING: going on without what .ci/{name}.txt lists: {problem}")

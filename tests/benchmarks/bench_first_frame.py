@@ -51,15 +51,16 @@ def _measured(demo: str) -> dict[str, Any]:
     """Return what a demo's longest piece of work was, in a process and a profile of its own."""
     with tempfile.TemporaryDirectory() as folder:
         run(Path(folder), "made", demo)
-        return run(Path(folder), "cold", demo)
+        (found,) = run(Path(folder), "cold", demo)
+        return found
 
 
-def run(folder: Path, profile: str, *demos: str) -> dict[str, Any]:
-    """Build demos in a process of its own, or open one, and return what that took.
+def run(folder: Path, profile: str, *demos: str) -> list[dict[str, Any]]:
+    """Build demos in a process of its own, or open them there, and return what each took.
 
     Args:
         folder: where the files are, and profiles of Blender.
-        profile: its name; 'made' builds the demos, any other opens the only one.
+        profile: its name; 'made' builds the demos, any other opens them one after the other.
     """
     own = folder / profile  # a checkout keeps what Blender's profile has otherwise among temporary files
     own.mkdir(exist_ok=True)
@@ -74,5 +75,5 @@ def run(folder: Path, profile: str, *demos: str) -> dict[str, Any]:
     told = [row for row in done.stdout.splitlines() if row.startswith("TOOK")]
     if not told:
         raise RuntimeError(done.stderr[-2000:])
-    found: dict[str, Any] = json.loads(told[-1].partition(" ")[2])
+    found: list[dict[str, Any]] = json.loads(told[-1].partition(" ")[2])
     return found

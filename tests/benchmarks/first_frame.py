@@ -1,7 +1,7 @@
 """Demos of `bench_first_frame` in their own process: `python -m tests.benchmarks.first_frame FOLDER PROFILE DEMO`.
 
-The profile 'made' builds demos and saves them. Any other opens the file of one as a window would, goes to frames of its
-first touch, and prints the longest call as JSON.
+The profile 'made' builds demos and saves them. Any other opens their files one after the other as a window would, goes
+to frames of the first touch, and prints the longest call of each as JSON.
 """
 
 from __future__ import annotations
@@ -121,8 +121,8 @@ def peer() -> float:
     return 1e3 * (time.thread_time() - began)
 
 
-def measure(path: str) -> dict[str, Any]:
-    """Open a demo as a window does, and return the longest call and the peer's time."""
+def measure(paths: list[str]) -> list[dict[str, Any]]:
+    """Open demos as a window does, and return the longest call of each and the peer's time."""
     import pytest
 
     import blender_addon
@@ -168,21 +168,35 @@ def measure(path: str) -> dict[str, Any]:
 
     reads = Reads(clock)
     patch.setattr(sys, "meta_path", [reads, *sys.meta_path])
-    bpy.ops.wm.open_mainfile(filepath=path)
-    draw()
-    settle()
-    scene = bpy.context.scene
-    for frame in FRAMES:
-        scene.frame_set(frame)
+    found = []
+    for path in paths:
+        clock.all.clear()
+        reads.all.clear()
+        bpy.ops.wm.open_mainfile(filepath=path)
         draw()
         settle()
-    clock.timed("full collection of garbage", gc.collect)()  # it comes by chance, in any of the calls
-    from blender_addon.viewport import shown
+        scene = bpy.context.scene
+        for frame in FRAMES:
+            scene.frame_set(frame)
+            draw()
+            settle()
+        clock.timed("full collection of garbage", gc.collect)()  # it comes by chance, in any of the calls
+        from blender_addon.viewport import shown  # no sooner: it is among what is read
 
-    now = shown.now(scene)
+        found.append({"peer": peers, "reads": list(reads.all), **_shown(shown.now(scene)), **_longest(clock)})
+    return found
+
+
+def _shown(now: Any) -> dict[str, Any]:
+    """Return whether anything is shown of a scene, and what is noted of its skins."""
     notes = [] if now is None else [s.note for s in now.skins.states]
     rows = [] if now is None or now.devices is None else [r.finger for r in now.devices.rows]
     skins = [] if now is None else [s for s in now.skins.states if s.model is not None]
+    return {"shown": bool(rows or skins), "notes": notes}
+
+
+def _longest(clock: Clock) -> dict[str, Any]:
+    """Return the longest calls, by the clock on the wall and by the processor's time."""
     took, used, what = max(clock.all)
     _, cpu, busiest = max(clock.all, key=lambda call: call[1])
     return {
@@ -191,10 +205,6 @@ def measure(path: str) -> dict[str, Any]:
         "what": what,
         "cpu": cpu,
         "busiest": busiest,
-        "peer": peers,
-        "shown": bool(rows or skins),
-        "notes": notes,
-        "reads": reads.all,
         "longest": sorted(clock.all, reverse=True)[:12],
     }
 
@@ -209,7 +219,7 @@ if __name__ == "__main__":
     folder, profile, *which = sys.argv[1:]
     if profile == "made":
         build(Path(folder), which)
-        print("TOOK {}", flush=True)
+        print("TOOK []", flush=True)
     else:
-        print("TOOK", json.dumps(measure(str(Path(folder) / f"{which[0]}.blend"))), flush=True)
+        print("TOOK", json.dumps(measure([str(Path(folder) / f"{demo}.blend") for demo in which])), flush=True)
     os._exit(0)

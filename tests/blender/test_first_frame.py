@@ -2,9 +2,10 @@
 
 Judged is the processor's time of the window's thread against a peer in the same process: how long Blender takes to
 enable its own add-on node_wrangler. `first_frame_block_ms` is the time on the wall, each demo in a profile of its own.
-Here they share one: what a first demo lets child processes make is read by others. Other processes still cost time:
-they empty the processor's caches. So a run above the limit is repeated at most twice, each time in a new profile, and
-the least of the runs is judged.
+Here they share one: what a first demo lets child processes make is read by others. The first demo of each device is
+opened in a fresh process, and the others of that device after it. Other processes still cost time: they empty the
+processor's caches. So demos above the limit are opened again at most twice, each time in a new profile, and the least
+of the runs is judged.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from tests.benchmarks.bench_first_frame import DEMOS, run
 # takes 2 to 3.6 times the peer, from one machine and Python to another. `first_frame_block_ms` holds the 50 ms.
 MOST = 2.0 * 50.0 / 16.9
 TRIES = 3  # runs of a demo, where the first ones are above the limit
+DEVICES = sorted({demo.partition(" ")[0] for demo in DEMOS})
 
 
 @pytest.fixture(scope="module")
@@ -32,15 +34,21 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.one_line("3.13", "what takes long is read and solved in the same threads on both")
-@pytest.mark.parametrize("demo", DEMOS)
-def test_no_piece_of_work_holds_the_window(folder: Path, demo: str) -> None:
-    tried: list[dict[str, Any]] = []
-    while len(tried) < TRIES and not (tried and ratio(tried[-1]) <= MOST):
-        tried.append(run(folder, "cold" if not tried else f"cold {len(tried)}", demo))
-        assert tried[-1]["shown"], "something was shown in the end"
-        assert all(read.endswith(" in _on_load") for read in tried[-1]["reads"]), "a window waits for no module"
-    told = ", ".join(f"{found['busiest']}: {found['cpu']:.0f} ms, peer {found['peer']:.0f} ms" for found in tried)
-    assert min(map(ratio, tried)) <= MOST, told
+@pytest.mark.parametrize("device", DEVICES)
+def test_no_piece_of_work_holds_the_window(folder: Path, device: str) -> None:
+    left, told = [demo for demo in DEMOS if demo.partition(" ")[0] == device], {}
+    for again in range(TRIES):
+        opened = dict(zip(left, run(folder, f"cold {again}", *left), strict=True))
+        for demo, found in opened.items():
+            assert found["shown"], f"{demo}: something was shown in the end"
+            assert all(read.endswith(" in _on_load") for read in found["reads"]), (
+                f"{demo}: a window waits for no module"
+            )
+            told[demo] = f"{found['busiest']}: {found['cpu']:.0f} ms, peer {found['peer']:.0f} ms"
+        left = [demo for demo, found in opened.items() if ratio(found) > MOST]
+        if not left:
+            break
+    assert not left, "; ".join(f"{demo}: {told[demo]}" for demo in left)
 
 
 def ratio(found: dict[str, Any]) -> float:

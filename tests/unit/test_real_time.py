@@ -8,6 +8,8 @@ import pytest
 
 import tests.conftest as rule
 
+pytestmark = pytest.mark.one_line("3.11", "a rule of these tests; the product does not use it")
+
 pytest_plugins = ["pytester"]
 
 

@@ -11,7 +11,7 @@ from core.stream.protocols import adapters
 from tests.unit.stream.firmware_board import Board, Chip, Sender, servos, wanted_us
 from tests.unit.stream.firmware_host import every_chip
 
-pytestmark = [every_chip, pytest.mark.one_line("3.13", "the sketch is C++, compiled by the system's compilers")]
+pytestmark = [every_chip, pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")]
 
 SERVOS = servos()
 RESOLUTION = 5.0  # a hobby servo's dead band is about 5 us of pulse; the board's own step is 0.5 us

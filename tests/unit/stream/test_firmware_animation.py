@@ -11,7 +11,7 @@ from core.stream.protocols import adapters
 from tests.unit.stream.firmware_board import ANIMATION_BAUD, Board, Chip, servos, wanted_us
 from tests.unit.stream.firmware_host import every_line
 
-pytestmark = [every_line, pytest.mark.one_line("3.13", "the sketch is C++, compiled by the system's compilers")]
+pytestmark = [every_line, pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")]
 
 RESOLUTION = 5.0  # a hobby servo's dead band is about 5 us of pulse; a position of this protocol is 1 us
 

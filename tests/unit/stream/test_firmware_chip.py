@@ -16,7 +16,7 @@ from tests.unit.stream.firmware_avr import compile_sketch, emulated
 from tests.unit.stream.firmware_board import SKETCH, SOURCES, WARNINGS, Chip, Sender, errors, servos, wanted_us
 from tests.unit.stream.firmware_host import HostBoard, compile_for_host, every_chip, hosted
 
-pytestmark = pytest.mark.one_line("3.13", "the sketch is C++, compiled by the system's compilers")
+pytestmark = pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")
 
 OTHER_CHIPS = {
     "ATmega2560": ("atmega2560", 16_000_000, "mega"),  # its interrupts have other names, which were never attached

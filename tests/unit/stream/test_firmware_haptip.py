@@ -11,7 +11,7 @@ from tests.unit.stream.firmware_board import Chip
 from tests.unit.stream.firmware_host import every_chip
 from tests.unit.stream.firmware_lab import play, slow_track
 
-pytestmark = pytest.mark.one_line("3.13", "the sketch is C++, compiled by the system's compilers")
+pytestmark = pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")
 
 
 @every_chip

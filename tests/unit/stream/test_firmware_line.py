@@ -11,7 +11,7 @@ from tests.unit.stream.firmware_avr import AvrBoard, emulated
 from tests.unit.stream.firmware_board import BAUD, Board, Chip, Sender, servos, wanted_us
 from tests.unit.stream.firmware_host import every_chip, every_line
 
-pytestmark = pytest.mark.one_line("3.13", "the sketch is C++, compiled by the system's compilers")
+pytestmark = pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")
 
 
 def saturate(board: Board, sender: Sender, channels: int, seconds: float, baud: float = BAUD) -> int:

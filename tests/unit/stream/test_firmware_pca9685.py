@@ -13,7 +13,7 @@ from tests.unit.stream.firmware_avr import AvrBoard, compile_sketch, emulated
 from tests.unit.stream.firmware_board import SKETCH, Board, Chip, Sender, errors, servos, wanted_us
 from tests.unit.stream.firmware_host import HostBoard, compile_for_host, hosted
 
-pytestmark = [hosted, pytest.mark.one_line("3.13", "the sketch is C++, compiled by the system's compilers")]
+pytestmark = [hosted, pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")]
 
 OE = 12
 COUNT_US = 122 / 25  # one of the 4096 of a cycle

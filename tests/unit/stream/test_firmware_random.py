@@ -14,7 +14,7 @@ from tests.unit.stream.firmware_board import ANIMATION_BAUD, Board, Sender, serv
 from tests.unit.stream.firmware_host import HostBoard, hosted
 from tests.unit.stream.firmware_receivers import HELLO, OTHER, OWN, SAFE, Near, Receiver, Sketch, Virtual, configuration
 
-pytestmark = [hosted, pytest.mark.one_line("3.13", "the sketch is C++, compiled by the system's compilers")]
+pytestmark = [hosted, pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")]
 
 STEP = 0.012  # one packet, its answer and a NACK's pause have room in it [s]
 WATCHDOGS = (18, 78)  # half a step from the nearest of them, so that both clocks agree on who was silent [ms]

@@ -17,7 +17,7 @@ from tests.unit.stream.firmware_floods import ARRIVES, FRAME_US, ROUNDING_US
 from tests.unit.stream.firmware_host import HostBoard, WifiBoard, compile_for_host, hosted
 from tests.unit.stream.firmware_wifi import SILENCES, WIFI_FLOODS, WIRE, Host, wifi_flood
 
-pytestmark = [hosted, pytest.mark.one_line("3.13", "the sketch is C++, compiled by the system's compilers")]
+pytestmark = [hosted, pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")]
 NAME = "DERMISU1"
 
 

@@ -38,6 +38,8 @@ from core.work.processes import ProcessExecutor
 from tests.clusters import Cluster
 from tests.unit.pipeline.test_shots import press
 
+pytestmark = pytest.mark.shared_tests("rows are work of the executor, which runs on both lines")
+
 ROOT = Path(__file__).resolve().parents[3]
 DEVICES = """schema = "dermis-sweep 1"
 study = "devices"

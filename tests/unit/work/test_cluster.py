@@ -27,6 +27,8 @@ from core.work.spread import Asked, spread
 from tests.clusters import MISSING, Cluster, ended, has_dask
 from tests.unit.work.jobs_lab import TABLE, on_worker
 
+pytestmark = pytest.mark.shared_tests("dask has the processes; those of Dermis run on both lines")
+
 posix = pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
 SOON = 60.0
 

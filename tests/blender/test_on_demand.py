@@ -11,6 +11,8 @@ from typing import Any
 
 import pytest
 
+pytestmark = pytest.mark.shared_cases("names of modules")
+
 ROOT = Path(__file__).resolve().parents[2]
 ADDON = ROOT / "blender_addon"
 PACKAGES = sorted(p.parent.name for p in ADDON.glob("*/__init__.py") if "on_demand.modules_of" in p.read_text())

@@ -44,6 +44,8 @@ from blender_addon.viewport import (
 
 from .stand_in import Anything, Panel, draw, draw_callbacks, graphics_card
 
+pytestmark = pytest.mark.shared_cases("presets of devices, for the engine")
+
 # Whatever solves, searches, looks up, reads a file or works out what is drawn: none of it runs while something draws.
 WORK = (
     (core.devices.workspace, "workspace"),

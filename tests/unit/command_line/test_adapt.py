@@ -47,6 +47,7 @@ def test_a_neo_hookean_finger_is_learned_by_its_law(tmp_path: Path, capsys: pyte
     assert json.loads(read_npz(path)["meta"].tobytes())["tissue"] == "neo_hookean"
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_several_fingers_on_a_cluster(
     one: dict[str, bytes], cluster: Cluster, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -3,8 +3,8 @@
    A point looks at the bodies from two places that are lifted into the finger, a lift and `ratio` lifts away, and
    extrapolates both distances linearly to itself. On a plane this is the exact gap. At an edge, where the distance from
    the surface has a kink, the lifted places are outside the body, where distances are smooth; kinks in hollows are
-   rounded. The mean over five places about the point limits how fast the gap turns from cell to cell; how the gradient differs between the places tells
-   how the normal turns, so that a point looks again only after it has moved. */
+   rounded. The mean over five places about the point limits how fast the gap turns from cell to cell; how the gradient
+   differs between the places tells how the normal turns, so that a point looks again only after it has moved. */
 #include "anderson.h"
 #include "float_environment.h"
 #include "kernels.h"

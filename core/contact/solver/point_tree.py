@@ -1,9 +1,9 @@
 """PointTree: an adaptive quadtree of the pad's surface, refined where the objects that press into it are curved.
 
 A cell is split along the finger, around the finger, or both ways. It is split in a direction if the object's surface
-normals turn in that direction, or if the gap is not linear over the cell, as at a low step. A cell on an edge of an object is therefore
-short across the edge and long along it. Normals and gap are found at four test points, which lie a little outside the
-cell's own corners, so an object's edge between two cells is detected by both.
+normals turn in that direction, or if the gap is not linear over the cell, as at a low step. A cell on an edge of an
+object is therefore short across the edge and long along it. Normals and gap are found at four test points, which lie a
+little outside the cell's own corners, so an object's edge between two cells is detected by both.
 
 The cells follow from the positions of the bodies and the skin at rest alone, so that no history decides about them.
 Skin moves over an edge by less than `BEYOND`. The compiled code is in `core/kernels/survey.c`.

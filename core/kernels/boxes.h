@@ -68,6 +68,33 @@ static inline void dermis_away(const float *boxes, const dermis_place *place, fl
     *(dermis_lanes *)squares = square;
 }
 
+/* A plane in the tree's units; each number is in all lanes. */
+typedef struct {
+    dermis_lanes normal[3]; /* unit vector */
+    dermis_lanes level;     /* coordinate of the plane along it, less the bound of the rounding error */
+} dermis_level;
+
+/* Convert a plane to the tree's units: unit normal, and coordinate along it [m] (4). */
+static inline void dermis_leveled(const dermis_tree *tree, const double *plane, const dermis_place *place, dermis_level *out) {
+    double level = (plane[3] - dermis_dot(plane, tree->middle)) / tree->scale;
+    for (int i = 0; i < DERMIS_LANES; i++) {
+        for (int k = 0; k < 3; k++) out->normal[k][i] = (float)plane[k];
+        out->level[i] = (float)level - 2.0f * place->give[i] - 2.0f * ROUNDED;
+    }
+}
+
+/* Return for each of four boxes whether it may rise above a plane: all bits of its lane are then set. */
+static inline dermis_bits dermis_above(const float *boxes, const dermis_level *plane) {
+    const dermis_lanes *of = (const dermis_lanes *)boxes;
+    const dermis_bits magnitude = {INT32_MAX, INT32_MAX, INT32_MAX, INT32_MAX};
+    dermis_lanes top = plane->normal[0] * of[0] + plane->normal[1] * of[1] + plane->normal[2] * of[2];
+    for (int i = 0; i < 3; i++) {
+        dermis_lanes along = of[AXES + 3 * i] * plane->normal[0] + of[AXES + 3 * i + 1] * plane->normal[1] + of[AXES + 3 * i + 2] * plane->normal[2];
+        top += (dermis_lanes)((dermis_bits)along & magnitude) * of[HALF + i];
+    }
+    return top > plane->level;
+}
+
 /* Return the smaller, or the larger, of two numbers in each lane. */
 static inline dermis_lanes dermis_lower(dermis_lanes a, dermis_lanes b, int larger) {
     dermis_bits first = larger ? a > b : a < b;

@@ -200,59 +200,87 @@ static int in_plane(const double *row, const double *plane) {
     return dermis_most(dermis_most(dermis_abs(at), dermis_abs(b)), dermis_abs(c)) <= IN_PLANE && dermis_dot(facing, plane) > 0.0;
 }
 
-/* Call a function for the triangles whose boxes are within a radius [m]; return whether it ended the search. */
-static inline int each(const dermis_tree *tree, const dermis_place *place, double radius, dermis_visitor *visitor, void *state) {
+/* Whether a triangle rises above a plane. */
+static int rises(const double *row, const double *plane) {
+    double at = dermis_dot(row, plane) - plane[3];
+    return dermis_most(at, dermis_most(at + dermis_dot(row + AB, plane), at + dermis_dot(row + AC, plane))) > 0.0;
+}
+
+/* Call a function for triangles whose boxes are within a radius [m], the nearest boxes first.
+
+   plane: if not null, only for triangles that rise above it. */
+static inline void each(const dermis_tree *tree, const dermis_place *place, double radius, const double *plane, dermis_visitor *visitor, void *state) {
     int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES;
     int64_t nodes[64];
-    float limit = dermis_limit(tree, radius * radius);
+    float squares[64], limit = dermis_limit(tree, radius * radius);
+    dermis_level level;
+    dermis_bits above = {-1, -1, -1, -1};
     int open = 1;
-    nodes[0] = 0;
+    if (plane != NULL) dermis_leveled(tree, plane, place, &level);
+    nodes[0] = 0, squares[0] = 0.0f;
     while (open) {
         int64_t node = nodes[--open];
         float least[DERMIS_LANES];
+        if (squares[open] > limit) continue;
         if (node < inner) {
+            int from = open;
             dermis_away(tree->boxes + node * DERMIS_BOXES, place, least);
-            for (int k = 0; k < DERMIS_LANES; k++)
-                if (least[k] <= limit) nodes[open++] = 4 * node + 1 + k;
+            if (plane != NULL) above = dermis_above(tree->boxes + node * DERMIS_BOXES, &level);
+            for (int k = 0; k < DERMIS_LANES; k++) {
+                if (!(least[k] <= limit) || !above[k]) continue;
+                int at = open++;
+                for (; at > from && squares[at - 1] < least[k]; at--) nodes[at] = nodes[at - 1], squares[at] = squares[at - 1];
+                nodes[at] = 4 * node + 1 + k, squares[at] = least[k];
+            }
             continue;
         }
         int64_t j = node - inner, low = j * blocks >> 2 * tree->depth, high = (j + 1) * blocks >> 2 * tree->depth;
         for (int64_t b = low; b < high; b++) {
             dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, place, least);
+            if (plane != NULL) above = dermis_above(tree->boxes + (inner + b) * DERMIS_BOXES, &level);
             for (int k = 0; k < DERMIS_LANES; k++) {
                 int64_t slot = b * DERMIS_LANES + k;
-                if (least[k] <= limit && slot < tree->count && visitor(state, tree->packed + slot * DERMIS_ROW)) return 1;
+                const double *row = tree->packed + slot * DERMIS_ROW;
+                if (!(least[k] <= limit) || !above[k] || slot >= tree->count || (plane != NULL && !rises(row, plane))) continue;
+                radius = visitor(state, row);
+                if (radius < 0.0) return;
+                limit = dermis_limit(tree, radius * radius);
             }
         }
     }
-    return 0;
 }
 
-int dermis_visit(const dermis_tree *tree, const double *x, double radius, dermis_visitor *visitor, void *state) {
+void dermis_visit(const dermis_tree *tree, const double *x, double radius, const double *plane, dermis_visitor *visitor, void *state) {
     dermis_place place;
-    if (tree->packed != NULL && dermis_placed(tree, x, &place)) return each(tree, &place, radius, visitor, state);
-    for (int64_t j = 0; j < tree->count; j++) {
+    if (tree->packed != NULL && dermis_placed(tree, x, &place)) {
+        each(tree, &place, radius, plane, visitor, state);
+        return;
+    }
+    for (int64_t j = 0; j < tree->count && radius >= 0.0; j++) {
         double row[DERMIS_ROW];
         dermis_gather(tree, tree->order[j], row);
-        if (visitor(state, row)) return 1;
+        if (rises(row, plane)) radius = visitor(state, row);
     }
-    return 0;
 }
 
+/* A ball, and the plane in which all triangles within it should lie. */
 typedef struct {
     const double *x, *plane;
     double radius;
+    int leaves; /* out: 1 if a triangle does not */
 } flat_ball;
 
-/* Whether a triangle within the ball is not in the plane. */
-static int leaves_plane(void *state, const double *row) {
-    const flat_ball *ball = state;
+static double leaves_plane(void *state, const double *row) {
+    flat_ball *ball = state;
     double u, w;
-    return !in_plane(row, ball->plane) && dermis_on_triangle(row, ball->x, &u, &w) <= ball->radius * ball->radius;
+    ball->leaves = !in_plane(row, ball->plane) && dermis_on_triangle(row, ball->x, &u, &w) <= ball->radius * ball->radius;
+    return ball->leaves ? -1.0 : ball->radius;
 }
 
 int dermis_only_plane(const dermis_tree *tree, const double *x, double radius, const double *plane) {
-    flat_ball ball = {x, plane, radius};
+    flat_ball ball = {x, plane, radius, 0};
     dermis_place place;
-    return tree->packed != NULL && dermis_placed(tree, x, &place) && !each(tree, &place, radius, leaves_plane, &ball);
+    if (tree->packed == NULL || !dermis_placed(tree, x, &place)) return 0;
+    each(tree, &place, radius, NULL, leaves_plane, &ball);
+    return !ball.leaves;
 }

@@ -18,12 +18,15 @@ typedef struct {
    affects only the run time. */
 int dermis_find_closest(const dermis_tree *tree, const double *x, double limit, int64_t hint, dermis_closest_point *out);
 
-/* Function that is called with the row of a triangle, see triangle.h; it returns 1 to end the search. */
-typedef int dermis_visitor(void *state, const double *row);
+/* Function that is called with the row of a triangle, see triangle.h. It returns the radius of the rest of the search
+   [m], which may only fall, or a negative number to end it. */
+typedef double dermis_visitor(void *state, const double *row);
 
-/* Call a function for all triangles within a radius [m] of a point x [m], and some that are farther; return whether it
-   ended the search. */
-int dermis_visit(const dermis_tree *tree, const double *x, double radius, dermis_visitor *visitor, void *state);
+/* Call a function for all triangles within a radius [m] of a point x [m] that rise above a plane, and some that are
+   farther.
+
+   plane: unit normal, and coordinate of the plane along it [m] (4). */
+void dermis_visit(const dermis_tree *tree, const double *x, double radius, const double *plane, dermis_visitor *visitor, void *state);
 
 /* Whether all triangles within a radius [m] of a point x [m] lie in a given plane and face along its normal.
 

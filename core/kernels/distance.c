@@ -24,9 +24,9 @@
 /* A pseudonormal that is not longer than this has no direction. */
 #define NO_LENGTH 1e-9
 
-/* Sine of the angle between two faces from which a concave edge makes a body hollow. A hollow of less changes rounded
-   distances by less than 1 % of the distance. */
-#define HOLLOW 0.17
+/* Sine of the angle between two faces from which a concave edge makes a body hollow; vertices of flat faces are rounded
+   to less. */
+#define HOLLOW 1e-3
 
 /* Dot product in the order in which NumPy's einsum sums. Earlier versions used einsum; the results are still the same
    bits. */

@@ -12,6 +12,9 @@
    ABOVE: the near side is then searched from a point this much deeper in the finger [m]. */
 #define OPPOSITE -0.7
 #define ABOVE 0.4e-3
+/* A second face counts only if it rises above the plane through the closest point by more than this [m]. One that rises
+   by so much reduces the gap by less than half of it. */
+#define LOW 1e-6
 /* A second face counts only if it reduces the width of a kink by more than this, for rounding [m]. */
 #define ROUNDING 1e-10
 /* TIE: two faces coincide for a point if its gaps to them differ by less than this [m], single precision some metres
@@ -118,14 +121,17 @@ static void reduce(kink *at, double distance, const double *normal) {
     for (int k = 0; k < 3; k++) at->turn[k] = (width - more) / (2.0 * width) * (normal[k] - at->normal[k]);
 }
 
-static int reduce_by_triangle(void *state, const double *row) {
+/* Return the distance of a point beyond which no face reduces the gap more than the best one so far [m]. */
+static double reach_of_kink(const kink *at) { return at->gap + at->width - 2.0 * dermis_root(at->less * at->width); }
+
+static double reduce_by_triangle(void *state, const double *row) {
     kink *at = state;
     double u, w, normal[3], facing[3], distance = dermis_root(dermis_on_triangle(row, at->x, &u, &w));
-    if (distance >= at->gap + at->width || !(distance > 0.0)) return 0;
+    if (distance >= at->gap + at->width || !(distance > 0.0)) return reach_of_kink(at);
     for (int k = 0; k < 3; k++) normal[k] = (at->x[k] - row[k] - u * row[AB + k] - w * row[AC + k]) / distance;
     dermis_cross(row + AB, row + AC, facing);
     if (at->side * dermis_dot(facing, normal) > 0.0) reduce(at, distance, normal);
-    return 0;
+    return reach_of_kink(at);
 }
 
 /* Whether two faces of a body may be equally close to a point outside. */
@@ -136,11 +142,12 @@ void dermis_round(const dermis_posed *posed, int64_t bodies, const double *x, do
     for (int64_t b = 0; b < bodies && sight->body >= 0; b++) {
         const dermis_posed *one = posed + b;
         kink at = {.gap = sight->gap, .width = width, .side = one->side, .less = less};
-        if (!(at.gap + width > 0.0) || (b == sight->body && !hollow(one->body))) continue;
+        if (!(reach_of_kink(&at) > 0.0) || (b == sight->body && !hollow(one->body))) continue;
         localised(one, x, at.x);
         dermis_turned_back(one->rotation, sight->normal, at.normal);
+        double plane[4] = {at.normal[0], at.normal[1], at.normal[2], dermis_dot(at.x, at.normal) - at.gap + LOW};
         for (const dermis_body *body = one->body; body != NULL; body = body->next)
-            if (!dermis_beyond(body, at.x, at.gap + width)) dermis_visit(body->tree, at.x, at.gap + width, reduce_by_triangle, &at);
+            if (!dermis_beyond(body, at.x, at.gap + width)) dermis_visit(body->tree, at.x, reach_of_kink(&at), plane, reduce_by_triangle, &at);
         if (one->body == NULL) {
             double gap, normal[3];
             int64_t slot = -1;

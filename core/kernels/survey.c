@@ -99,16 +99,17 @@ static double apart(const footprint *of) {
 
 /* Return the largest deviation of the gap from a linear function over the test points (4, 3) [m].
 
-   Between two points, a gap without steps changes as the mean of the normals there says. */
+   Between two points, the slope of a gap without steps is between those of the normals there. */
 static double bent(const footprint *of, const double *corners) {
     const double *gap = of->gap;
     double off = dermis_abs(0.25 * (gap[0] + gap[1] + gap[2] + gap[3]) - of->middle);
     off = dermis_most(off, 0.25 * dermis_abs(gap[0] - gap[1] - gap[2] + gap[3]));
     for (int i = 0; i < 4; i++) {
         int from = i < 2 ? i : 2 * (i - 2), to = i < 2 ? i + 2 : from + 1;
-        double change = gap[to] - gap[from];
-        for (int k = 0; k < 3; k++) change -= 0.5 * (of->normal[1 + to][k] + of->normal[1 + from][k]) * (corners[3 * to + k] - corners[3 * from + k]);
-        off = dermis_most(off, 0.5 * dermis_abs(change));
+        double change = gap[to] - gap[from], way[3];
+        for (int k = 0; k < 3; k++) way[k] = corners[3 * to + k] - corners[3 * from + k];
+        double a = dermis_dot(of->normal[1 + to], way), b = dermis_dot(of->normal[1 + from], way);
+        off = dermis_most(off, 0.5 * dermis_most(change - dermis_most(a, b), dermis_least(a, b) - change));
     }
     return off;
 }

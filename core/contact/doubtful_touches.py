@@ -1,9 +1,9 @@
 """DoubtfulTouches: detection of touches whose forces may hang on what nobody sees, such as a shift by a micrometre.
 
 Where faces of two bodies coincide, the skin can follow the friction of one of them only, see `by_precedence`.
-Contact on points has several solutions, or nearly so, at the corners of blocks, in hollow edges and beside the rims of
-open sheets. `python -m tests.stress.sharp` measures by how much forces change there; `presets/ACCURACY.md` has the
-table, of which the constants below are read.
+Contact on points has several solutions, or nearly so, at the corners of blocks and beside the rims of open sheets.
+`python -m tests.stress.sharp` measures by how much forces change there; `presets/ACCURACY.md` has the table, of which
+the constants below are read.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..arrays import Array, Indices
+from ..arrays import Array
 from ..errors import Finding
 from ..surface.gap import Surface
 from .solver.bodies import TIE, TURN, ContactBody, boxes_meet
@@ -22,7 +22,7 @@ from .solver.smooth_contact import LIFT, RATIO, SPREAD
 
 # Largest distances between a loaded point and a sharp place by which it is touched [m]. BESIDE: a point looks from
 # places up to SPREAD along both sides of its cell, so a corner within the diagonal of that shows. ABOVE: it looks from
-# as high as the upper lift, where a wall as far away is as near as the floor.
+# as high as the upper lift, where a rim as far away is as near as the face.
 BESIDE, ABOVE = np.sqrt(2.0) * SPREAD, RATIO * LIFT
 COINCIDE = "bodies-coincide"
 # Largest number of loaded points that are looked at in a sample for faces of other bodies, and largest distance of such
@@ -51,13 +51,6 @@ CORNER = Doubt(
     "with the way there",
     "Round the corner by 0.5 mm, or give the object a friction of 0.6 or more",
     0.6,
-)
-HOLLOW = Doubt(
-    "hollow-edge",
-    "the skin touches both sides of a sharp hollow edge: its force may change by 4 % with a shift of 1 um, and without "
-    "friction by 20 % with the way there",
-    "Press less deep into the hollow, or give the object friction",
-    0.1,
 )
 RIM = Doubt(
     "open-rim",
@@ -104,7 +97,7 @@ class DoubtfulTouches:
             at = body.local(step.points[mine] + step.displacement[mine])[0]
             where = f"{self._name}, {self._body_name(index)}"
             for doubt in doubts:
-                if _TESTS[doubt.code](body, at, gaps.triangle[mine]):
+                if _TESTS[doubt.code](body, at):
                     self._told[doubt.code, index] = Finding(
                         "info" if body.friction >= doubt.slight else "warning",
                         doubt.code,
@@ -151,7 +144,7 @@ def _possible(body: ContactBody) -> list[Doubt]:
     if body.deforms:  # its sharp places would have to be found in every frame
         return []
     places = body.surface.sharp_places
-    kinds = ((CORNER, places.corners), (HOLLOW, places.hollows), (RIM, places.rims))
+    kinds = ((CORNER, places.corners), (RIM, places.rims))
     return [doubt for doubt, some in kinds if len(some)]
 
 
@@ -187,39 +180,20 @@ def _coinciding(body: ContactBody, other: ContactBody, at: Array) -> Array | Non
     return np.asarray(own.point[known][same][0]) if same.any() else None
 
 
-def _corner(body: ContactBody, at: Array, _: Indices) -> bool:
+def _corner(body: ContactBody, at: Array) -> bool:
     assert isinstance(body.surface, Surface)
     corners = body.surface.sharp_places.corners
     corners = corners[_inside(corners[:, None], at, BESIDE)]
     return any(bool((((at - corner) ** 2).sum(axis=1) < BESIDE**2).any()) for corner in corners)
 
 
-def _rim(body: ContactBody, at: Array, _: Indices) -> bool:
+def _rim(body: ContactBody, at: Array) -> bool:
     assert isinstance(body.surface, Surface)
     rims = body.surface.sharp_places.rims
     return any(bool((_distances(at, rim) < ABOVE).any()) for rim in rims[_inside(rims, at, ABOVE)])
 
 
-def _hollow(body: ContactBody, at: Array, triangles: Indices) -> bool:
-    assert isinstance(body.surface, Surface)
-    places = body.surface.sharp_places
-    close = _inside(places.hollows, at, ABOVE)
-    if not close.any():
-        return False
-    pieces = body.surface.pieces
-    touched = pieces[triangles]
-    for ends, sides in zip(places.hollows[close], pieces[places.sides[close]], strict=True):
-        both = touched[:, None] == sides
-        if both.any(axis=0).all() and both[_distances(at, ends) < ABOVE].any(axis=0).all():
-            return True
-    return False
-
-
-_TESTS: dict[str, Callable[[ContactBody, Array, Indices], bool]] = {
-    CORNER.code: _corner,
-    HOLLOW.code: _hollow,
-    RIM.code: _rim,
-}
+_TESTS: dict[str, Callable[[ContactBody, Array], bool]] = {CORNER.code: _corner, RIM.code: _rim}
 
 
 def _inside(ends: Array, at: Array, reach: float) -> Array:

@@ -185,7 +185,7 @@ class Surface:
 
     @cached_property
     def sharp_places(self) -> SharpPlaces:
-        """Corners, hollow edges and open rims."""
+        """Corners and open rims."""
         return sharp_places(self.vertices, self.table, self.topology)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Places of a triangle surface at which contact may have several states: corners, hollow edges and open rims.
+"""Places of a triangle surface at which contact may have several states: corners and open rims.
 
 They are places of the shape, however its flat faces are cut into triangles.
 """
@@ -25,14 +25,10 @@ class SharpPlaces(NamedTuple):
 
     Attributes:
         corners: convex vertices [m], shape (k, 3).
-        hollows: ends of concave edges [m], shape (h, 2, 3).
-        sides: the two triangles of each of these, shape (h, 2).
         rims: ends of edges with one face only [m], shape (r, 2, 3).
     """
 
     corners: Array
-    hollows: Array
-    sides: Indices
     rims: Array
 
 
@@ -40,28 +36,19 @@ def sharp_places(vertices: Array, table: TriangleTable, topology: Topology) -> S
     """Return the sharp places of a surface.
 
     A vertex is a corner if the faces around it enclose less than a full angle by more than `CORNER`; the difference is
-    the solid angle of the normals there. An edge is hollow if its faces turn towards each other by more than `EDGE`.
+    the solid angle of the normals there.
 
     Args:
         vertices: [m], shape (V, 3).
         table: triangles of the surface.
         topology: their neighbours.
     """
-    corners, across, normals = topology.corners, topology.across, table.bounds[3:6].T
+    corners, normals = topology.corners, table.bounds[3:6].T
     live = table.usable & ~topology.ignored
     places = vertices[corners]
     rim_at, rim_edge = (live[:, None] & (topology.edge_kind == BOUNDARY)).nonzero()
     rims = np.stack([places[rim_at, rim_edge], places[rim_at, (rim_edge + 1) % 3]], axis=1)
-
-    turned = np.einsum("tk,tek->te", normals, normals[across]) < np.cos(EDGE)
-    at, edge = ((across >= 0) & live[:, None] & live[across] & turned).nonzero()
-    other = across[at, edge]
-    rises = ((table.bounds[:3].T[other] - table.bounds[:3].T[at]) * normals[at]).sum(axis=1) > 0.0
-    once = rises & (at < other)
-    at, edge, other = at[once], edge[once], other[once]
-    hollows = np.stack([places[at, edge], places[at, (edge + 1) % 3]], axis=1)
-    sides = np.stack([at, other], axis=1)
-    return SharpPlaces(_corners(vertices, places, corners, live, normals, topology), hollows, sides, rims)
+    return SharpPlaces(_corners(vertices, places, corners, live, normals, topology), rims)
 
 
 def _corners(

@@ -1,4 +1,4 @@
-"""Corners, hollow edges and rims of surfaces: those of the shape, whatever its triangles."""
+"""Corners and rims of surfaces: those of the shape, whatever its triangles."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import pytest
 from core.scene.tactile_scene import Mesh
 from core.surface import shapes
 from core.surface.gap import Surface
-from core.surface.roundness import EDGE
 from core.surface.sharp_places import CORNER, SharpPlaces
 from tests.stress.sharp import draw, solid
 
@@ -27,16 +26,14 @@ def cut(shape: shapes.Shape) -> shapes.Shape:
     return np.vstack([vertices, vertices[triangles].mean(axis=1)]), np.vstack(parts)
 
 
-def test_a_block_has_eight_corners_however_it_is_cut_and_a_room_twelve_hollow_edges() -> None:
+def test_a_block_has_eight_corners_however_it_is_cut_and_a_room_has_none() -> None:
     vertices, triangles = block = shapes.block(20e-3, 10e-3, 5e-3)
     for shape in (block, cut(block), cut(cut(block))):
         found = places(shape)
         assert sorted(map(tuple, found.corners)) == sorted(map(tuple, vertices))
-        assert not len(found.hollows) and not len(found.rims)
+        assert not len(found.rims)
     room = places((vertices, triangles[:, ::-1]))
-    assert not len(room.corners) and len(room.hollows) == 12
-    normals = Surface.build(vertices, triangles).table.bounds[3:6].T[room.sides]
-    np.testing.assert_allclose(np.einsum("hi,hi->h", normals[:, 0], normals[:, 1]), 0.0, atol=1e-12)
+    assert not len(room.corners)
 
 
 @pytest.mark.parametrize("more", [-0.01, 0.01])
@@ -46,18 +43,9 @@ def test_a_corner_begins_at_the_solid_angle_of_its_normals(more: float) -> None:
     assert (np.abs(found.corners).max(axis=1) < 1e-12).any() == (more > 0.0)
 
 
-@pytest.mark.parametrize("more", [-0.01, 0.01])
-def test_a_hollow_edge_begins_where_faces_are_no_curved_surface(more: float) -> None:
-    found = places(solid({**draw("foot", 0.0, 0), "angle": np.degrees(EDGE + more)}))
-    assert len(found.hollows) == (more > 0.0)
-    if len(found.hollows):  # the foot of the step runs along Y through the origin
-        np.testing.assert_allclose(found.hollows[0][:, [0, 2]], 0.0, atol=1e-12)
-        assert np.ptp(found.hollows[0][:, 1]) > 30e-3
-
-
 def test_smooth_shapes_have_no_sharp_places_and_a_sheet_has_its_rim() -> None:
     ball = places(shapes.sphere(5e-3, 1_000))
-    assert [len(some) for some in ball] == [0, 0, 0, 0]
+    assert [len(some) for some in ball] == [0, 0]
     sheet = places(solid(draw("rim", 0.0, 0)))
-    assert len(sheet.rims) == 4 and not len(sheet.corners) and not len(sheet.hollows)
+    assert len(sheet.rims) == 4 and not len(sheet.corners)
     assert np.linalg.norm(sheet.rims[:, 1] - sheet.rims[:, 0], axis=1).sum() == pytest.approx(4 * 24e-3)

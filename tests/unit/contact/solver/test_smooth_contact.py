@@ -105,6 +105,46 @@ def test_a_second_face_below_the_first_changes_nothing(pad: SurfaceCompliance) -
         np.testing.assert_allclose(seen, wanted, atol=1e-9)
 
 
+def quartered(surface: Surface, times: int) -> Surface:
+    """Cut each triangle into four."""
+    vertices, triangles = surface.vertices, surface.triangles
+    for _ in range(times):
+        a, b, c = (vertices[triangles[:, k]] for k in range(3))
+        middles = np.concatenate([(a + b) / 2, (b + c) / 2, (c + a) / 2])
+        ab, bc, ca = (len(vertices) + k * len(triangles) + np.arange(len(triangles)) for k in range(3))
+        corners = triangles.T
+        parts = [(corners[0], ab, ca), (ab, corners[1], bc), (ca, bc, corners[2]), (ab, bc, ca)]
+        vertices, triangles = np.concatenate([vertices, middles]), np.vstack([np.stack(t, axis=1) for t in parts])
+    return Surface.build(vertices, triangles.astype(np.int32))
+
+
+def test_a_hollow_is_that_of_the_shape_whatever_its_triangles(pad: SurfaceCompliance) -> None:
+    """The search leaves out what is far or below the closest face: 20 triangles and 5,120 give the same gaps."""
+    plain, rng = step(0.3e-3), np.random.default_rng(3)
+    places = np.array([-0.2e-3, 0.0, 0.2e-3]) + rng.uniform(-0.4e-3, 0.4e-3, (60, 3))
+    bodies = [[ContactBody(surface, rotation=turn(0.1))] for surface in (plain, quartered(plain, 4))]
+    (one, facing), (other, also) = (gaps_of(pad, some, places) for some in bodies)
+    np.testing.assert_allclose(other, one, atol=1e-9)
+    np.testing.assert_allclose(also, facing, atol=1e-6)
+    alone = gaps_of(pad, [ContactBody(Surface.block(0.06, 0.06, 5e-3), rotation=turn(0.1))], places)
+    assert np.abs(alone[0] - one).max() > 0.02e-3  # the second face counts at some of them
+
+
+def turn(angle: float) -> np.ndarray:
+    """Return a rotation about X and Z [rad]."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1, 0, 0], [0, c, -s], [0, s, c]]) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(("bend", "hollow"), [(0.05, 1), (-0.05, 0), (0.0, 0)])
+def test_a_body_is_hollow_where_faces_bend_towards_each_other_by_little(bend: float, hollow: int) -> None:
+    """A fillet consists of many bends: what one of them turns says nothing of the whole."""
+    block = quartered(Surface.block(0.02, 0.02, 0.01), 1)
+    vertices, top = block.vertices.copy(), block.vertices[:, 2] == 0.0
+    vertices[top, 2] += np.tan(bend) * np.abs(vertices[top, 0])
+    assert Surface.build(vertices, block.triangles).kernel_body.record.hollow == hollow
+
+
 def dragged(friction: float, shift: float) -> tuple[np.ndarray, int]:
     """Return the force on a finger of draft skin that crosses a low step there and back [N], and the most sweeps."""
     body = ContactBody(step(0.3e-3), translation=np.array([2.5e-3 + shift, 0.0, 0.0]), friction=friction)

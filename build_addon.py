@@ -18,13 +18,11 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple, TextIO
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
@@ -57,27 +55,8 @@ DOCS = {  # pages in core/, and how each is written
     "PARAMETERS.md": ["-m", "tests.parameters_page"],
     "COMMANDS.md": ["-m", "tests.commands_page"],
 }
-
-
-class Part(NamedTuple):
-    """Tests of one level that a process of pytest runs, those of an expression of marks."""
-
-    level: str
-    marks: str = ""
-    more: str = ""  # what its name has after that of the level
-
-
-# Tests in real time wait most of their time, so they run beside the others, which give way to them at the processor:
-# Blender's while the equations work, since two Blenders of one line would share a checkout's folder of settings.
-WAIT = (Part("blender", "real_time and not undo", ", real time"), Part("unit", "real_time", ", real time"))
-WORK = (
-    Part("unit", "not real_time"),
-    Part("blender", "not real_time and not undo"),
-    Part("blender", "undo", ", undo"),
-    Part("extension"),
-)
-GIVES_WAY = 10  # by so much nicer than the rest: a tenth of the processor where both want all of it
-PART_LIMIT = 70 * 60  # [s] a part that takes longer hangs
+LEVELS = ("unit", "blender", "extension")
+LEVEL_LIMIT = 70 * 60  # [s] a level that takes longer hangs
 # Blender's undo can crash by itself (tests/blender/undo_defect.py): its tests have a process of their own, and so many
 # tries where Blender dies. A test that fails has failed.
 UNDO_TRIES = 3
@@ -465,33 +444,18 @@ def test(options: argparse.Namespace) -> int:
     started = time.monotonic()
     paths = [a for a in options.pytest if not a.startswith("-") and (ROOT / a.split("::")[0]).exists()]
     others = [a for a in options.pytest if a not in paths] + (["--long"] if options.long else [])
+    failed = [] if paths else lint(env)
+    counts = {"passed": 0, "failed": 0, "skipped": 0}
     with tempfile.TemporaryDirectory(prefix="dermis-test-") as scratch:
-
-        def run(part: Part, log: TextIO, nicer: int = 0) -> list[Verdict]:
-            folder = f"tests/{part.level}"
-            mine = [p for p in paths if folder in Path(p).as_posix()] if paths else [folder]
-            there = mine and (ROOT / folder).is_dir()
-            return [judged(env, part, mine + others, Path(scratch), log, nicer)] if there else []
-
-        if hasattr(os, "setpriority"):
-            with open(Path(scratch) / "log", "w+", encoding="utf-8") as log, ThreadPoolExecutor(1) as beside:
-                waiting = [beside.submit(run, part, log) for part in WAIT]
-                try:
-                    failed = [] if paths else lint(env)
-                    verdicts = run(WORK[0], sys.stdout, GIVES_WAY) + waiting[0].result()
-                    for part in WORK[1:]:
-                        verdicts += run(part, sys.stdout, GIVES_WAY)
-                    verdicts += waiting[1].result()
-                finally:
-                    for one in waiting:
-                        one.cancel()
-                log.seek(0)
-                say(log.read().rstrip())
-        else:  # without priorities the others would starve those in real time
-            failed = [] if paths else lint(env)
-            verdicts = [verdict for part in WORK + WAIT for verdict in run(part, sys.stdout)]
-    failed += [verdict.name for verdict in verdicts if not verdict.good]
-    counts = {key: sum(getattr(verdict, key) for verdict in verdicts) for key in ("passed", "failed", "skipped")}
+        for level in LEVELS:
+            mine = [p for p in paths if f"tests/{level}" in Path(p).as_posix()] if paths else [f"tests/{level}"]
+            if not mine or not (ROOT / "tests" / level).is_dir():
+                continue
+            passed = level_passed(env, level, mine + others, Path(scratch), counts)
+            if level == "blender":
+                passed &= level_passed(env, level, mine + others, Path(scratch), counts, undo=True)
+            if not passed:
+                failed.append(level)
     if not counts["passed"] and not failed:
         failed.append("no test ran")
     if failed:
@@ -526,27 +490,16 @@ def lint(env: Environment) -> list[str]:
     return failed
 
 
-class Verdict(NamedTuple):
-    """What pytest found in one part: whether it is good, and how many tests."""
-
-    name: str
-    good: bool
-    passed: int = 0
-    failed: int = 0
-    skipped: int = 0
-
-
-def judged(env: Environment, part: Part, arguments: list[str], scratch: Path, log: TextIO, nicer: int) -> Verdict:
-    """Run pytest on one part in a process of its own, by `nicer` less urgent, and judge it by its report."""
-    level, name = part.level, part.level + part.more
-
-    def tell(text: str) -> None:
-        print(text, file=log, flush=True)
-
-    tell(f"== {name}")
-    report = scratch / f"{name.replace(', ', '-').replace(' ', '-')}.xml"
+def level_passed(
+    env: Environment, level: str, arguments: list[str], scratch: Path, counts: dict[str, int], *, undo: bool = False
+) -> bool:
+    """Run pytest on one level in a process of its own and add to the counts; of Blender's, without or with undo."""
+    say(f"== {level}" + ", undo" * undo)
+    report = scratch / f"{level}{'-undo' * undo}.xml"
     command = [str(env.python), "-m", "pytest", f"--junitxml={report}", "-o", "junit_family=xunit2", "-q"]
     command += ["--durations=25", "--durations-min=5"]  # what a person waits for
+    if level == "blender":
+        command += ["-m", "undo" if undo else "not undo"]
     more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile")}
     if level == "unit":
         more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "dask", "sweep", "boards"))))
@@ -554,32 +507,27 @@ def judged(env: Environment, part: Part, arguments: list[str], scratch: Path, lo
         command += ["-o", "pythonpath=tests/extension"]
         more["DERMIS_ZIP"] = str(build_zip(env.python, scratch, this_platform(), this_python()))
     variables = env.variables(level != "extension", **more)
-    asked = [arguments[i + 1] for i, word in enumerate(arguments[:-1]) if word == "-m"]
-    if marks := " and ".join(f"({expression})" for expression in (part.marks, *asked) if expression):
-        arguments = [*arguments, "-m", marks]  # the last one counts
-    for tries in reversed(range(UNDO_TRIES if part.marks == "undo" else 1)):
-        with subprocess.Popen(command + arguments, cwd=ROOT, env=variables, stdout=log) as process:
-            if nicer:
-                os.setpriority(os.PRIO_PROCESS, process.pid, os.getpriority(os.PRIO_PROCESS, 0) + nicer)
-            try:
-                status = process.wait(PART_LIMIT)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                tell(f"{name}: no end after {PART_LIMIT // 60} minutes")
-                return Verdict(name, False)
+    for tries in reversed(range(UNDO_TRIES if undo else 1)):
+        try:
+            status = subprocess.run(command + arguments, cwd=ROOT, env=variables, timeout=LEVEL_LIMIT).returncode
+        except subprocess.TimeoutExpired:
+            say(f"{level}: no end after {LEVEL_LIMIT // 60} minutes")
+            return False
         if status >= 0 or not tries:
             break
-        tell(f"{name}: BLENDER DIED (signal {-status}); its tests are run again")
+        say(f"{level}: BLENDER DIED in its undo (signal {-status}); its tests are run again")
     if not report.is_file():
-        tell(f"{name}: pytest ended with status {status} and no report")
-        return Verdict(name, False)
+        say(f"{level}: pytest ended with status {status} and no report")
+        return False
     seen = {"tests": 0, "failures": 0, "errors": 0, "skipped": 0}
     for suite in ElementTree.parse(report).getroot().iter("testsuite"):
         for key in seen:
             seen[key] += int(suite.get(key, "0"))
     bad = seen["failures"] + seen["errors"]
-    good = not bad and status in (0, 5)  # 5: none selected, which the total judges
-    return Verdict(name, good, seen["tests"] - bad - seen["skipped"], bad, seen["skipped"])
+    counts["failed"] += bad
+    counts["skipped"] += seen["skipped"]
+    counts["passed"] += seen["tests"] - bad - seen["skipped"]
+    return not bad and status in (0, 5)  # 5: none selected, which the total judges
 
 
 def demo(options: argparse.Namespace) -> int:
@@ -645,18 +593,14 @@ def stress(options: argparse.Namespace) -> int:
     return subprocess.run(command, cwd=ROOT, env=env.variables(True, PYTHONPATH=path)).returncode
 
 
-ONE_AT_A_TIME = threading.Lock()  # parts of the tests run side by side
-
-
 def beside(env: Environment, *names: str) -> list[Path]:
     """Make (or keep) the folders of lists that tests and benchmarks can do without; the extension has none of them."""
     folders = []
     for name in names:
         folder, lock = VENV / f"{env.python.parents[1].name}-{name}", LOCKS / f"{name}.txt"
         try:
-            with ONE_AT_A_TIME:
-                if not fresh(folder, lock):
-                    install_into(folder, lock, env.python)
+            if not fresh(folder, lock):
+                install_into(folder, lock, env.python)
             folders.append(folder)
         except Stop as problem:
             say(f"WARNING: going on without what .ci/{name}.txt lists: {problem}")

@@ -21,6 +21,8 @@ static int64_t find(const dermis_survey *s, int64_t root, const int64_t *halved,
 typedef struct {
     double middle, gap[4];  /* heights at the centre and at the test points [m] */
     double normal[5][3];    /* normals at the centre and at the test points, 0 if no body is near */
+    int steps;              /* 1: the gap may have steps; 0: the body is a plane, and its gap is along one normal, also at
+                               the rim of a disc */
 } footprint;
 
 /* Go from a height `up` above a point of undeformed skin [m] down to the first body, or to the point; return what is closest there.
@@ -104,7 +106,7 @@ static double bent(const footprint *of, const double *corners) {
     const double *gap = of->gap;
     double off = dermis_abs(0.25 * (gap[0] + gap[1] + gap[2] + gap[3]) - of->middle);
     off = dermis_most(off, 0.25 * dermis_abs(gap[0] - gap[1] - gap[2] + gap[3]));
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < 4 && of->steps; i++) {
         int from = i < 2 ? i : 2 * (i - 2), to = i < 2 ? i + 2 : from + 1;
         double change = gap[to] - gap[from], way[3];
         for (int k = 0; k < 3; k++) way[k] = corners[3 * to + k] - corners[3 * from + k];
@@ -119,7 +121,7 @@ static double bent(const footprint *of, const double *corners) {
    The side with the larger lean crosses the edges of the body. Where all normals are the same, as on both faces of a low
    step, the slopes of the gap between the test points (4, 3) take their place. */
 static void lean(const dermis_survey *s, int64_t cell, const footprint *of, const double *corners, double *leaning) {
-    int alike = !(apart(of) > s->turned);
+    int alike = of->steps && !(apart(of) > s->turned);
     for (int axis = 0; axis < 2; axis++) {
         const double *side = s->sides + 6 * cell + 3 * axis;
         double length = dermis_root(dermis_dot(side, side)), low = dermis_dot(of->normal[0], side) / length, high = low;
@@ -170,7 +172,7 @@ static int edges_near(const dermis_survey *s, const double *at, const double *in
    show edges beside the cell. */
 static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, const dermis_sight *middle, double height) {
     const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
-    footprint of = {.middle = height};
+    footprint of = {.middle = height, .steps = s->posed[middle->body].body != NULL};
     double nearest = height, corners[24];
     if (halved[0] >= s->finest && halved[1] >= s->finest) return 0;
     corners_of(s, cell, s->corners, 0.0, corners);

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from _pytest.mark.expression import Expression
 
 import build_addon
 
@@ -134,17 +133,6 @@ def test_manifest_differs_from_the_template_by_what_one_zip_is_for() -> None:
 )
 def test_a_zip_is_named_by_what_it_is_for(target: str | None, python: str | None, name: str) -> None:
     assert zips.zip_name(target, python) == name.format(zips.manifest_value("version"))
-
-
-@pytest.mark.parametrize("marks", [set(), {"real_time"}, {"undo"}, {"real_time", "undo"}])
-@pytest.mark.parametrize("level", ["unit", "blender", "extension"])
-def test_whatever_its_marks_a_test_runs_in_one_part(level: str, marks: set[str]) -> None:
-    parts = [part for part in (*build_addon.WORK, *build_addon.WAIT) if part.level == level]
-
-    def takes(part: build_addon.Part) -> bool:
-        return not part.marks or Expression.compile(part.marks).evaluate(lambda name, **_: name in marks)
-
-    assert sum(map(takes, parts)) == 1
 
 
 def test_every_python_that_tests_run_on_has_a_line_of_blender() -> None:

@@ -23,9 +23,8 @@ from .path_solver import PathSolver
 from .path_step import PathStep
 from .press_watch import MODULUS, PressWatch
 
-# Largest movement in a part of a frame [m]: from the first touch on, and of skin that is touched already: its normal
-# movement, or the movement in any direction if the normals turn.
-PRESSING, TURNING = 0.1e-3, 0.2e-3
+# Largest normal movement in a part of a frame [m], and largest movement in any direction if the normals turn [m].
+PRESSING, TURNING = 0.1e-3, 0.1e-3
 # Largest number of parts of a frame beyond the depth at which the skin's model is trusted.
 DEEP_PARTS = 4
 # Normals turn if the cosine between a loaded node's normals before and after the frame is below this.
@@ -206,7 +205,7 @@ class SubStepper:
         same = pressed[(last.body == gaps.body).take(pressed)]
         if same.size == 0:
             return int(np.ceil(self._travel(start, bodies, gaps, pressed) / PRESSING))
-        parts = np.ceil(self.solver.pressing(start, gaps, same) / TURNING)
+        parts = np.ceil(self.solver.pressing(start, gaps, same) / PRESSING)
         if np.einsum("ij,ij->i", gaps.normal.take(same, axis=0), last.normal.take(same, axis=0)).min() < STRAIGHT:
             parts = max(parts, np.ceil(self._travel(start, bodies, gaps, same) / TURNING))
         return max(int(parts), 1)

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from core.contact.closest_approach import nothing_touched
+from core.contact.pad_sampler import PadSampler
 from core.errors import Finding
 from core.pipeline.render import run
 from core.presets import Library
@@ -48,6 +50,17 @@ def test_nothing_is_said_where_nothing_should_be_touched() -> None:
     assert not told(MILLIMETRES, device="")
     assert not told(MILLIMETRES, pattern="direction")
     assert told(MILLIMETRES, device="", skin_shown=True)
+
+
+def test_only_fingers_with_devices_that_follow_touch_count() -> None:
+    scene = scene_from_poses(RATE, [(Finger("Index", ()), MILLIMETRES)], [(TABLE, (0.0, 0.0, 0.0))])
+    sampler = PadSampler(scene)
+    for chunk in scene.chunks:
+        sampler.add(chunk)
+    contact = sampler.finish()
+    assert not nothing_touched(scene, contact, {}, ())
+    (found,) = nothing_touched(scene, contact, {}, (0,))
+    assert found.code == "nothing-touched"
 
 
 def test_one_finger_that_touches_is_enough() -> None:

@@ -10,7 +10,7 @@ import pytest
 from core.contact.solver.between import between
 from core.contact.solver.bodies import ContactBody, travel
 from core.contact.solver.path_solver import PathSolver
-from core.contact.solver.sub_stepper import DEEP_PARTS, PRESSING, TURNING, SubStepper
+from core.contact.solver.sub_stepper import DEEP_PARTS, PRESSING, SubStepper
 from core.surface.gap import Surface
 
 FRICTION = 0.6
@@ -182,7 +182,7 @@ def test_small_steps_are_not_divided(skin):
     for shift in np.arange(0.0, 4e-3, 1e-3):  # however far it slides on a plane
         steps.step([below(skin, card(0.02), 0.9e-3, (shift, 0.0))])
     assert steps.solver.counters["parts"] == 0
-    steps.step([below(skin, card(0.02), 0.9e-3 + 2.5 * TURNING, (shift, 0.0))])
+    steps.step([below(skin, card(0.02), 0.9e-3 + 2.5 * PRESSING, (shift, 0.0))])
     assert steps.solver.counters["parts"] == 2
 
 

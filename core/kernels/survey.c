@@ -101,8 +101,9 @@ static double apart(const footprint *of) {
 
 /* Return the largest deviation of the gap from a linear function over the test points (4, 3) [m].
 
-   Between two points, the slope of a gap without steps is between those of the normals there. */
-static double bent(const footprint *of, const double *corners) {
+   Between two points, the slope of a gap without steps is between those of the normals there. `deep` / `steep` is the
+   error of a height that was found beside an edge. */
+static double bent(const dermis_survey *s, const footprint *of, const double *corners) {
     const double *gap = of->gap;
     double off = dermis_abs(0.25 * (gap[0] + gap[1] + gap[2] + gap[3]) - of->middle);
     off = dermis_most(off, 0.25 * dermis_abs(gap[0] - gap[1] - gap[2] + gap[3]));
@@ -111,7 +112,7 @@ static double bent(const footprint *of, const double *corners) {
         double change = gap[to] - gap[from], way[3];
         for (int k = 0; k < 3; k++) way[k] = corners[3 * to + k] - corners[3 * from + k];
         double a = dermis_dot(of->normal[1 + to], way), b = dermis_dot(of->normal[1 + from], way);
-        off = dermis_most(off, 0.5 * dermis_most(change - dermis_most(a, b), dermis_least(a, b) - change));
+        off = dermis_most(off, 0.5 * (dermis_most(change - dermis_most(a, b), dermis_least(a, b) - change) - s->deep / s->steep));
     }
     return off;
 }
@@ -124,19 +125,19 @@ static void lean(const dermis_survey *s, int64_t cell, const footprint *of, cons
     int alike = of->steps && !(apart(of) > s->turned);
     for (int axis = 0; axis < 2; axis++) {
         const double *side = s->sides + 6 * cell + 3 * axis;
-        double length = dermis_root(dermis_dot(side, side)), low = dermis_dot(of->normal[0], side) / length, high = low;
+        double length = dermis_root(dermis_dot(side, side)), low = dermis_dot(of->normal[0], side), high = low;
         for (int i = 1; i < 5; i++) {
-            double one = dermis_dot(of->normal[i], side) / length;
+            double one = dermis_dot(of->normal[i], side);
             low = dermis_least(low, one), high = dermis_most(high, one);
         }
         for (int i = 0; i < 2 && alike; i++) {
             int from = axis == 0 ? i : 2 * i, to = axis == 0 ? i + 2 : from + 1;
             double way[3];
             for (int k = 0; k < 3; k++) way[k] = corners[3 * to + k] - corners[3 * from + k];
-            double one = (of->gap[to] - of->gap[from]) / dermis_root(dermis_dot(way, way));
+            double one = (of->gap[to] - of->gap[from]) / dermis_root(dermis_dot(way, way)) * length;
             if (dermis_finite(one)) low = dermis_least(low, one), high = dermis_most(high, one);
         }
-        leaning[axis] = high - low;
+        leaning[axis] = (high - low) / length;
     }
 }
 
@@ -182,7 +183,7 @@ static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, co
     look_about(s, cell, corners, *middle, &of);
     for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of.gap[corner]);
     if (nearest >= s->limits[cell]) return 0;
-    int64_t way = apart(&of) > s->turned || bent(&of, corners) > s->bent ? leaning_of(s, cell, &of, corners) : 0;
+    int64_t way = apart(&of) > s->turned || bent(s, &of, corners) > s->bent ? leaning_of(s, cell, &of, corners) : 0;
     double inward[3];
     for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
     if (!edges_near(s, at, inward, corners, 8, middle)) return some[way];

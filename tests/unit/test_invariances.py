@@ -59,7 +59,6 @@ TODAY: dict[str, dict[str, float]] = {
         "pins": 0.0053,
         "thimble": 0.00156,
     },
-    "pace": {"force": 0.000612, "torque": 0.00115, "nodal": 0.00182, "stress": 0.000427},
     "mirrored": {"force": 0.000623, "torque": 0.00173, "nodal": 0.00201, "stress": 0.00495},
 }
 # The same on the plane, where bounds are tight enough to notice a mistake in what is judged.

@@ -12,10 +12,10 @@
    ABOVE: the near side is then searched from a point this much deeper in the finger [m]. */
 #define OPPOSITE -0.7
 #define ABOVE 0.4e-3
-/* A second face counts only if it rises above the plane through the closest point by more than this [m]. One that rises
-   by so much reduces the gap by less than half of it. */
+/* A second face counts only if it rises above the plane through the closest point by more than this, h [m]. At distances
+   D of the closest face and E of the second, a face that rises by h reduces the gap by at most h E / (4 (D - h)). */
 #define LOW 1e-6
-/* A second face counts only if it reduces the width of a kink by more than this, for rounding [m]. */
+/* A second face that is at the end of the kink's width up to this does not count, for rounding [m]. */
 #define ROUNDING 1e-10
 /* TIE: two faces coincide for a point if its gaps to them differ by less than this [m], single precision some metres
    from the origin, as TIE in `bodies.py`; and if their normals turn by less than TURN [rad]: over a finest cell of

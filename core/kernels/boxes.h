@@ -14,8 +14,9 @@ typedef int32_t dermis_bits __attribute__((vector_size(4 * DERMIS_LANES), aligne
 
 enum { AXES = 3, HALF = 12 };
 
-/* Bound of the rounding error of a distance, as a share of the distance to the tree's middle and of the tree's size:
-   positions, axes and ten operations in single precision have relative errors of up to 2^-24 each. */
+/* Bound of the rounding error of a distance, as a share of the distances of the point and of the box to the tree's
+   middle, of the box's size, and of the tree's scale: positions, axes and ten operations in single precision have
+   relative errors of up to 2^-24 each. */
 #define ROUNDED 2e-6f
 /* FARTHEST: largest coordinate in the tree's units for which bounds are computed; single precision does not tell boxes
    apart farther away. NOWHERE: a length above all others in the tree's units. An empty box has its negative as half

@@ -57,8 +57,8 @@ typedef struct {
     double *packed;         /* data of the triangle in each slot, see triangle.h (count, DERMIS_ROW); null: there is no
                                tree */
     float *boxes;           /* see above ((4^depth - 1) / 3 + blocks, DERMIS_BOXES) */
-    double middle[3];       /* out: centre of the triangles' bounding box [m] */
-    double scale;           /* out: longest side of that box [m] */
+    double middle[3];       /* out: median of the triangles' corners along each coordinate axis [m] */
+    double scale;           /* out: length over which most triangles are spread [m] */
     double largest;         /* largest absolute coordinate [m]: out. If `packed` is null: in, and an upper bound is
                                enough */
     int64_t wrong;          /* out: index of the triangle that was refused */

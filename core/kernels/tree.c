@@ -11,6 +11,8 @@
 
 /* Boxes are enlarged by this share of the largest coordinate for rounding, whose error is 16 times smaller. */
 #define ROUNDING (64.0 * DBL_EPSILON)
+/* Largest number of triangles from which the tree's middle and scale are taken. */
+#define SOME 32
 /* A component that is shorter than this share of its vector is a rounding error. */
 #define NOTHING 1e-6
 
@@ -232,13 +234,18 @@ static const box NONE = {{0.0, 0.0, 0.0}, {{0.0, 0.0, 0.0}, {0.0, 0.0, 0.0}, {0.
 
 /* Store a box in single precision, as number `lane` of a group of boxes.
 
+   A box far from the tree's middle, or large, is enlarged by the rounding error of its own numbers.
+
    give: enlargement of the box on each side [m]. */
 static void store(const dermis_tree *tree, const box *b, float *boxes, int lane, double give) {
     int none = b->half[0] < 0.0;
+    double farthest = tree->scale;
+    for (int k = 0; k < 3; k++) farthest = dermis_most(farthest, dermis_most(dermis_abs(b->middle[k] - tree->middle[k]), b->half[k]));
+    float rounded = ROUNDED * (float)(farthest / tree->scale);
     for (int k = 0; k < 3; k++) {
         boxes[DERMIS_LANES * k + lane] = (float)((b->middle[k] - tree->middle[k]) / tree->scale);
         for (int i = 0; i < 3; i++) boxes[DERMIS_LANES * (AXES + 3 * i + k) + lane] = (float)b->axis[i][k];
-        boxes[DERMIS_LANES * (HALF + k) + lane] = none ? -NOWHERE : (float)((b->half[k] + give) / tree->scale) + ROUNDED;
+        boxes[DERMIS_LANES * (HALF + k) + lane] = none ? -NOWHERE : (float)((b->half[k] + give) / tree->scale) + rounded;
     }
     if (none) boxes[lane] = 0.0f;
     boxes[DERMIS_LANES * 15 + lane] = 0.0f;
@@ -281,6 +288,31 @@ static box bounded(const dermis_tree *tree, int64_t node, int level, int64_t j, 
     return own;
 }
 
+/* Insert a number into a sorted list of others. */
+static void insert(double *values, int count, double value) {
+    for (; count > 0 && values[count - 1] > value; count--) values[count] = values[count - 1];
+    values[count] = value;
+}
+
+/* Set the tree's middle and scale to those of most of its triangles, by medians: a vertex that lies far apart must not
+   blur the boxes of all others, whose rounding errors go with the scale.
+
+   size: of the box around all triangles [m]. */
+static void centre(dermis_tree *tree, double size) {
+    int64_t step = (tree->count + SOME - 1) / SOME;
+    double values[SOME], spread = 0.0;
+    for (int k = 0; k < 3; k++) {
+        int count = 0;
+        for (int64_t i = 0; i < tree->count; i += step) insert(values, count++, tree->packed[i * DERMIS_ROW + k]);
+        tree->middle[k] = values[count / 2], count = 0;
+        for (int64_t i = 0; i < tree->count; i += step)
+            insert(values, count++, dermis_abs(tree->packed[i * DERMIS_ROW + k] - tree->middle[k]));
+        spread = dermis_most(spread, values[count / 2]);
+    }
+    tree->scale = 4.0 * spread; /* the length over which triangles are spread evenly */
+    if (!(tree->scale * FARTHEST > size)) tree->scale = size;
+}
+
 DERMIS_NOINLINE static int32_t fit(dermis_tree *tree) {
     int64_t count = tree->count, total = tree->total;
     double low[3] = {DBL_MAX, DBL_MAX, DBL_MAX}, high[3] = {-DBL_MAX, -DBL_MAX, -DBL_MAX}, largest = 0.0, size = 0.0;
@@ -303,11 +335,11 @@ DERMIS_NOINLINE static int32_t fit(dermis_tree *tree) {
         }
     }
     for (int k = 0; k < 3; k++) {
-        tree->middle[k] = low[k] + (high[k] - low[k]) / 2.0;
         size = dermis_most(size, high[k] - low[k]);
         largest = dermis_most(largest, dermis_most(dermis_abs(low[k]), dermis_abs(high[k])));
     }
-    tree->scale = size, tree->largest = largest;
+    tree->largest = largest;
+    centre(tree, size);
     bounded(tree, 0, 0, 0, ROUNDING * largest);
     return DERMIS_DONE;
 }

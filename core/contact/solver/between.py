@@ -14,13 +14,17 @@ from .bodies import ContactBody, corners_of, from_material, moved, to_material
 from .near_surface import NearTriangles
 
 
-def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | None = None) -> ContactBody:
+def between(
+    a: ContactBody, b: ContactBody, share: float, near: NearTriangles | None = None, *, arc: bool = False
+) -> ContactBody:
     """Interpolate a body between two poses and shapes; friction is that of the second.
 
     Args:
         a, b: the body in both frames.
         share: 0 for `a`, 1 for `b`.
         near: triangles of the intermediate shape that are needed; None for all.
+        arc: whether the body turns about an axis that keeps still, so that its way does not depend on where its origin
+            is; otherwise its origin moves along a straight line.
     """
     if a.away or b.away or share == 1.0:
         return b
@@ -31,6 +35,8 @@ def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | 
         last = ends[1] if ends[0] @ ends[1] >= 0.0 else -ends[1]
         rotation = matrices(((1.0 - share) * ends[0] + share * last)[None])[0]
     translation = (1.0 - share) * a.translation + share * b.translation
+    if arc:
+        translation = _on_arc(a, b, rotation, share)
     surface, carry = b.surface, b.carry
     if near is not None or reshaped(a, b):
         assert isinstance(a.surface, Surface) and isinstance(surface, Surface)
@@ -43,6 +49,30 @@ def between(a: ContactBody, b: ContactBody, share: float, near: NearTriangles | 
             one, other = (np.eye(3) if c is None else c for c in (a.carry, carry))
             carry = (1.0 - share) * one + share * other
     return replace(b, surface=surface, rotation=rotation, translation=translation, carry=carry)
+
+
+def _on_arc(a: ContactBody, b: ContactBody, rotation: Array, share: float) -> Array:
+    """Return the place of a body's origin on its way as a screw: about one axis, and along it [m], shape (3,).
+
+    Args:
+        a, b: the body at both ends.
+        rotation: its rotation on the way, shape (3, 3).
+        share: share of the way along the axis.
+    """
+    whole, part = quaternions(np.stack([b.rotation @ a.rotation.T, rotation @ a.rotation.T]))
+    whole, part = (q if q[0] >= 0.0 else -q for q in (whole, part))
+    half, some = (float(np.arctan2(np.sqrt(q[1:] @ q[1:]), q[0])) for q in (whole, part))
+    if not np.sin(half) > 0.0:
+        return (1.0 - share) * a.translation + share * b.translation
+    axis = whole[1:] / np.sqrt(whole[1:] @ whole[1:])
+    apart = b.translation - b.rotation @ a.rotation.T @ a.translation
+    along = (apart @ axis) * axis
+    # A chord of the circle about the axis: its length goes with the sine of half the angle, its direction turns by it.
+    across, turn = apart - along, some - half
+    chord = np.cos(turn) * across + np.sin(turn) * np.cross(axis, across)
+    return np.asarray(
+        rotation @ a.rotation.T @ a.translation + np.sin(some) / np.sin(half) * chord + share * along, np.float64
+    )
 
 
 def reshaped(a: ContactBody, b: ContactBody) -> bool:

@@ -19,7 +19,9 @@ from core.errors import DermisError
 from core.kernels import building, library, records
 from core.surface.gap import Surface
 from core.surface.gap_query import GapQuery
+from core.surface.kernel_body import KernelBody
 from core.surface.plain_triangles import PlainTriangles
+from core.surface.triangle_tree import TriangleTree
 from tests.closest_points import nearest
 from tests.kernel_arrays import Arrays, address, drawn, gcc, opened
 
@@ -74,6 +76,48 @@ def test_the_numpy_way_agrees(seed: int) -> None:
     if arrays.topology.closed:
         away = both & (np.abs(gap) > 1e-9)
         np.testing.assert_array_equal(np.sign(plain.gap[away]), np.sign(gap[away]))
+
+
+def strayed(far: float, count: int) -> Surface:
+    """Return a ball of 15 mm, some of whose vertices lie far away [m]."""
+    ball = Surface.sphere(15e-3, facets=2000)
+    vertices = ball.vertices.copy()
+    apart = np.random.default_rng(count).normal(size=(count, 3))
+    vertices[:count] = far * apart / np.linalg.norm(apart, axis=1)[:, None]
+    return Surface.build(vertices, ball.triangles)
+
+
+@pytest.mark.parametrize("count", [1, 3, 200])
+@pytest.mark.parametrize("far", [0.1, 1e3, 1e7])
+def test_beside_vertices_that_lie_far_apart_they_are_those_without_a_tree(far: float, count: int) -> None:
+    """Near the ball, and beside the long triangles: the same gaps and triangles, to the bit."""
+    surface, rng = strayed(far, count), np.random.default_rng(5)
+    table, slabs = surface.table, np.zeros((0, 5))
+    corners = surface.vertices[surface.triangles[rng.integers(0, len(surface.triangles), 300)]]
+    weights = rng.dirichlet(np.ones(3), 300)
+    on = (weights[:, :, None] * corners).sum(axis=1) + rng.normal(0.0, 1e-3, (300, 3))
+    points = np.concatenate([on, rng.normal(0.0, 20e-3, (300, 3)), far * rng.normal(size=(20, 3))])
+    found = []
+    for topology in (None, surface.topology):
+        tree = TriangleTree(table, topology)
+        found.append(KernelBody(tree, None, surface.topology, slabs, 0, False).query(points, np.inf))
+    for name in ("gap", "triangle", "point", "weights"):
+        np.testing.assert_array_equal(getattr(found[0], name), getattr(found[1], name))
+
+
+@pytest.mark.parametrize("far", [1.0, 1e3, 1e7])
+def test_a_vertex_that_lies_far_apart_does_not_blur_the_boxes_of_the_others(far: float) -> None:
+    """Rounding makes the boxes of triangles thicker, by less than a thousandth of their width: searches stay short."""
+    surface = strayed(far, 1)
+    tree = TriangleTree(surface.table, surface.topology)
+    blocks = -(-tree.record.count // records.LANES)
+    groups = np.ctypeslib.as_array(
+        ctypes.cast(tree.record.boxes, ctypes.POINTER(ctypes.c_float)), ((4**tree.record.depth - 1) // 3 + blocks, 16, 4)
+    )
+    thick = groups[-blocks:, 12].ravel() * tree.record.scale  # flat boxes of single triangles
+    wide = groups[-blocks:, 13].ravel() * tree.record.scale
+    filled = thick >= 0.0
+    assert np.median(thick[filled]) < 1e-3 * np.median(wide[filled]) < 1e-6
 
 
 needs_gcc = pytest.mark.skipif(not shutil.which("gcc"), reason="needs gcc")

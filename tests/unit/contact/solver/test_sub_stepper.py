@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from core.contact.solver.between import between
 from core.contact.solver.bodies import ContactBody, travel
 from core.contact.solver.path_solver import PathSolver
-from core.contact.solver.sub_stepper import DEEP_PARTS, PRESSING, SubStepper
+from core.contact.solver.sub_stepper import DEEP_PARTS, FAST_PARTS, MAX_PARTS, PRESSING, SubStepper
 from core.surface.gap import Surface
 
 FRICTION = 0.6
@@ -209,6 +210,43 @@ def test_between_is_rigid_and_ends_where_it_ends():
     assert np.arccos((np.trace(half.rotation) - 1) / 2) == pytest.approx(np.pi / 4)
     assert between(a, b, 1.0) is b
     assert travel(a, b, np.array([[0.0, 0, 0], [1e-3, 0, 0]])) == pytest.approx(2e-3)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.7])
+def test_on_an_arc_a_body_turns_about_the_same_axis_wherever_its_origin_is(share):
+    """A ball that turns about its centre keeps it, and moves along the axis; a body without a turn goes straight."""
+    turn = Rotation.from_rotvec([1.2, -0.4, 0.9])
+    centre, axis = np.array([3e-3, -1e-3, -15e-3]), turn.as_rotvec() / turn.magnitude()
+    surface = card(1e-3)
+    for origin in (np.zeros(3), np.array([0.4, -2.0, 1.0])):  # of the body, from its centre
+        a = ContactBody(surface, translation=centre + origin)
+        b = ContactBody(surface, turn.as_matrix(), centre + 2e-3 * axis + turn.apply(origin))
+        part = between(a, b, share, arc=True)
+        middle = part.translation - part.rotation @ origin
+        np.testing.assert_allclose(middle, centre + 2e-3 * share * axis, atol=1e-12)
+    there = replace(a, translation=a.translation + np.array([1e-3, 2e-3, 0.0]))
+    np.testing.assert_array_equal(
+        between(a, there, share, arc=True).translation, between(a, there, share).translation
+    )
+
+
+def test_a_ball_that_turns_by_a_quarter_a_frame_takes_few_parts_and_presses_no_more(skin):
+    """Its surface slides 24 mm a frame; its centre keeps still, so that its normal force is that of a slow turn."""
+    ball, centre = Surface.sphere(15e-3, facets=5000), np.array([0.0, 0.0, -15e-3])
+    forces = {}
+    for name, angle in {"fast": np.pi / 2, "slow": 0.01}.items():
+        steps = stepper(skin)
+        for depth in (0.0, 0.3e-3, 0.6e-3):
+            steps.step([below(skin, ball, depth)])
+        steps.solver.counters["parts"] = 0
+        for k in (1, 2, 3):
+            turn = Rotation.from_rotvec([k * angle, 0.0, 0.0]).as_matrix()
+            body = below(skin, ball, 0.6e-3)
+            body = replace(body, rotation=turn, translation=body.translation + centre - turn @ centre)
+            forces[name] = steps.step([body]).solution.force[:, 2].sum()
+        parts, told = steps.solver.counters["parts"], {f.code for f in steps.solver.findings}
+        assert (parts, "too-fast" in told) == ((3 * (FAST_PARTS - 1), True) if name == "fast" else (0, False))
+    assert FAST_PARTS < MAX_PARTS and forces["fast"] == pytest.approx(forces["slow"], rel=0.02)
 
 
 @pytest.mark.parametrize("overlap", [0.0, 4e-3])

@@ -55,18 +55,33 @@ def _corners(
     vertices: Array, places: Array, corners: Indices, live: NDArray[np.bool_], normals: Array, topology: Topology
 ) -> Array:
     """Return the convex vertices at which normals have a solid angle above `CORNER` [m], shape (k, 3)."""
-    angle, mean, sunk = np.zeros(len(vertices)), np.zeros((len(vertices), 3)), np.zeros(len(vertices))
-    angles = np.zeros((len(corners), 3))
+    angles = np.zeros((3, len(corners)))
     for k in range(3):
-        one, two = places[:, (k + 1) % 3] - places[:, k], places[:, (k + 2) % 3] - places[:, k]
-        across = np.sqrt((np.cross(one, two) ** 2).sum(axis=1))
-        angles[:, k] = np.where(live, np.arctan2(across, (one * two).sum(axis=1)), 0.0)
-        np.add.at(angle, corners[:, k], angles[:, k])
-        np.add.at(mean, corners[:, k], angles[:, k, None] * normals)
-    for k in range(3):  # whether the faces around a vertex lie below it
-        middle = places.mean(axis=1) - places[:, k]
-        np.add.at(sunk, corners[:, k], angles[:, k] * (mean[corners[:, k]] * middle).sum(axis=1))
+        one, two = (places[:, (k + j) % 3].T - places[:, k].T for j in (1, 2))
+        across = _cross(one, two)
+        angles[k] = np.where(live, np.arctan2(np.sqrt(_dot(across, across)), _dot(one, two)), 0.0)
+    at, count = corners.T.ravel(), len(vertices)
+
+    def sums(values: Array) -> Array:
+        """Return the sums over the corners at each vertex, shape (V,)."""
+        return np.asarray(np.bincount(at, values.ravel(), count), np.float64)
+
+    angle = sums(angles)
+    mean = np.stack([sums(angles * normals[:, i]) for i in range(3)])
+    middle = places.mean(axis=1)
+    below = [_dot(mean[:, corners[:, k]], (middle - places[:, k]).T) for k in range(3)]
+    sunk = sums(angles * np.stack(below))  # whether the faces around a vertex lie below it
     used = np.zeros(len(vertices), dtype=np.bool_)
     used[corners[live].ravel()] = True
     sharp = used & (2.0 * np.pi - angle > CORNER) & (sunk < 0.0) & (topology.vertex_kind != BOUNDARY)
     return np.asarray(vertices[sharp])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return the cross products of columns, shape (3, n)."""
+    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Return the dot products of columns, shapes (3, n)."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])

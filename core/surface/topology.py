@@ -257,32 +257,24 @@ def _mark_pinched(corners: NDArray[np.int64], across: NDArray[np.int64], vertex_
     determine the side of any of them.
     """
     live = (corners != np.roll(corners, -1, axis=1)).all(axis=1)
-    # The corners of faces are the nodes of a graph, joined across edges. Each regular vertex must be one component.
-    label = np.arange(corners.size)
-    next_corner = np.arange(corners.size).reshape(-1, 3)
-    links = []
-    for k in range(3):
-        t = np.flatnonzero((across[:, k] >= 0) & live)
-        other = across[t, k]
-        for corner in (k, (k + 1) % 3):
-            vertex = corners[t, corner]
-            at = np.argmax(corners[other] == vertex[:, None], axis=1)
-            links.append((next_corner[t, corner], next_corner[other, at]))
-    if not links:
-        return
-    a = np.concatenate([link[0] for link in links])
-    b = np.concatenate([link[1] for link in links])
-    while True:  # pointer jumping: each round at least halves the longest chain
-        low = np.minimum(label[a], label[b])
-        before = label.copy()
-        np.minimum.at(label, a, low)
-        np.minimum.at(label, b, low)
-        label = label[label]
-        if np.array_equal(label, before):
-            break
-    roots = (label == np.arange(corners.size)) & np.repeat(live, 3)
-    fans = np.bincount(corners.ravel()[roots], minlength=vertex_kind.size)
-    vertex_kind[(fans > 1) & (vertex_kind == REGULAR)] = IRREGULAR
+    where = np.where(np.repeat(live, 3), corners.ravel(), -1)  # vertex of each corner of a face, -1 without a face
+    vertices, first, faces = np.unique(where, return_index=True, return_counts=True)
+    some = vertices >= 0
+    vertices, first, faces = vertices[some], first[some], faces[some]
+    # A fan is walked from face to face, from the first corner of its vertex: on to its end, or round to where it began.
+    size, closed = np.ones(len(first), dtype=np.int64), np.zeros(len(first), dtype=np.bool_)
+    for side in (0, 2):  # across the edge after the corner, then across the one before it
+        walk, at = np.flatnonzero(~closed), first[~closed]
+        while walk.size:
+            beyond = across[at // 3, (at + side) % 3]
+            walk, beyond = walk[beyond >= 0], beyond[beyond >= 0]
+            at = 3 * beyond + np.argmax(corners[beyond] == vertices[walk, None], axis=1)
+            back = at == first[walk]
+            closed[walk[back]] = True
+            walk, at = walk[~back], at[~back]
+            size[walk] += 1
+    pinched = vertices[size < faces]
+    vertex_kind[pinched[vertex_kind[pinched] == REGULAR]] = IRREGULAR
 
 
 _CACHE: dict[int, tuple[weakref.ref[NDArray[np.integer]], Topology]] = {}

@@ -1,4 +1,7 @@
-"""A bake that starts with the finger inside a body: processor's seconds, and how far forces are from those of a way from outside."""
+"""A bake that starts with the finger inside a body: processor's seconds, and how far off forces are.
+
+They are compared with those of a finger that comes there from outside.
+"""
 
 from __future__ import annotations
 
@@ -37,13 +40,9 @@ def bodies() -> Bodies:
     ball, wide = Surface.sphere(15e-3, facets=5000), 15e-3
     centre = np.array([0.0, 0.0, -wide])
     ways = (ball.vertices - centre) / wide
-    bumps = centre + ways * (wide + 0.1e-3 * np.prod(np.sin(30.0 * ways), axis=1))[:, None]
+    bumps = centre + ways * (wide + 0.1e-3 * np.prod(np.sin(15.0 * ways), axis=1))[:, None]
     box = Surface.block(2 * wide, 2 * wide, 20e-3)
-    meshes = {
-        "ball": (ball.mesh, 0.0),
-        "edge": (box.mesh, wide),
-        "mesh": (Mesh(bumps, ball.mesh.triangles), 0.0),
-    }
+    meshes = {"ball": (ball.mesh, 0.0), "edge": (box.mesh, wide), "mesh": (Mesh(bumps, ball.mesh.triangles), 0.0)}
     return Bodies(meshes)
 
 
@@ -87,7 +86,7 @@ def bake(name: str, inside: bool) -> tuple[float, Array]:
 
 @benchmark("inside_bake_s", limit=LIMIT, quick=True)
 def inside() -> Result:
-    """Processor's seconds of a bake of 61 samples that starts 3 mm inside a ball, an edge or a mesh, the worst; and from outside."""
+    """Processor's seconds of a bake of 61 samples that starts 3 mm inside a ball, an edge or a mesh, the worst."""
     bake("ball", False)  # makes the tables
     runs = {way: {name: [bake(name, way) for _ in range(RUNS)] for name in bodies().meshes} for way in (True, False)}
     seconds = {
@@ -100,7 +99,7 @@ def inside() -> Result:
         apart = max(apart, float(np.abs(one[-1] / other[-1] - 1.0)))
         assert other[-1] > 0.1, "the finger touches"
     worst = max(seconds[True], key=lambda name: seconds[True][name])
-    late = [f"{name} {taken:.3g} s, from outside {seconds[False][name]:.3g} s" for name, taken in seconds[True].items()]
-    print(f"inside_bake_s: {'; '.join(late)}; settled forces {100 * apart:.2g} % apart")
+    told = [f"{name} {taken:.3g} s, from outside {seconds[False][name]:.3g} s" for name, taken in seconds[True].items()]
+    print(f"inside_bake_s: {'; '.join(told)}; settled forces {100 * apart:.2g} % apart")
     wrong = None if apart <= 1e-2 else f"settled forces are {100 * apart:.2g} % apart"
     return Result("inside_bake_s", seconds[True][worst], "s", None, {"from outside": seconds[False][worst]}, wrong)

@@ -112,7 +112,8 @@ def test_a_vertex_that_lies_far_apart_does_not_blur_the_boxes_of_the_others(far:
     tree = TriangleTree(surface.table, surface.topology)
     blocks = -(-tree.record.count // records.LANES)
     groups = np.ctypeslib.as_array(
-        ctypes.cast(tree.record.boxes, ctypes.POINTER(ctypes.c_float)), ((4**tree.record.depth - 1) // 3 + blocks, 16, 4)
+        ctypes.cast(tree.record.boxes, ctypes.POINTER(ctypes.c_float)),
+        ((4**tree.record.depth - 1) // 3 + blocks, 16, 4),
     )
     thick = groups[-blocks:, 12].ravel() * tree.record.scale  # flat boxes of single triangles
     wide = groups[-blocks:, 13].ravel() * tree.record.scale

@@ -225,9 +225,7 @@ def test_on_an_arc_a_body_turns_about_the_same_axis_wherever_its_origin_is(share
         middle = part.translation - part.rotation @ origin
         np.testing.assert_allclose(middle, centre + 2e-3 * share * axis, atol=1e-12)
     there = replace(a, translation=a.translation + np.array([1e-3, 2e-3, 0.0]))
-    np.testing.assert_array_equal(
-        between(a, there, share, arc=True).translation, between(a, there, share).translation
-    )
+    np.testing.assert_array_equal(between(a, there, share, arc=True).translation, between(a, there, share).translation)
 
 
 def test_a_ball_that_turns_by_a_quarter_a_frame_takes_few_parts_and_presses_no_more(skin):

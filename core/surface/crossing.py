@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +14,9 @@ from .triangles import TriangleTable
 OVERLAP = 1e-9
 # Number of pairs of a line and a triangle that are tested at once.
 PAIRS_AT_ONCE = 1_500_000
+# Lines are divided into groups that are near each other, down to FEW lines or to this many pairs with the triangles
+# that are near them all. This changes the run time only.
+FEW, FEW_PAIRS = 16, 50_000
 # Margin around the bounding spheres of triangles, relative to their size and absolute [m].
 NEAR = 1e-6
 
@@ -30,37 +35,59 @@ def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1
     Source: Moeller and Trumbore 1997
     """
     triangle, share = np.full(len(start), -1), np.ones(len(start))
-    low, high = np.minimum(start, end), np.maximum(start, end)
-    kept = table.usable
-    for axis in range(3):
-        centre, radius = table.bounds[axis], table.bounds[6]
-        kept = kept & (centre + radius >= low[:, axis].min()) & (centre - radius <= high[:, axis].max())
-    chosen = np.flatnonzero(kept)
-    if chosen.size == 0:
-        return triangle, share
-    middle, radius = table.bounds[0:3, chosen], table.bounds[6, chosen] * (1.0 + NEAR) + NEAR
-    front = side * table.bounds[3:6, chosen]
-    size = max(1, PAIRS_AT_ONCE // chosen.size)
-    for first in range(0, len(start), size):
-        part = slice(first, first + size)
-        owner, near = _close(start[part], end[part] - start[part], middle, radius, front)
-        if owner.size == 0:
-            continue
-        own = first + owner
-        origin, way = start[own].T, (end[own] - start[own]).T
-        a, ab, ac = (table.rows[k : k + 3].take(chosen[near], axis=1) for k in (0, 3, 6))
-        offset = origin - a
-        normal, across = _cross(ab, ac), _cross(offset, way)
-        along = _dot(way, normal)  # negative if the line enters against the normal
-        with np.errstate(divide="ignore", invalid="ignore"):
-            t, u, w = -_dot(offset, normal) / along, -_dot(across, ac) / along, _dot(across, ab) / along
-            met = (side * along < 0.0) & (t >= 0.0) & (t <= 1.0)
-            met &= (u >= -OVERLAP) & (w >= -OVERLAP) & (u + w <= 1.0 + OVERLAP)
-        hits = np.flatnonzero(met)
-        order = hits[np.lexsort((near[hits], t[hits], own[hits]))]
-        which, earliest = np.unique(own[order], return_index=True)
-        triangle[which], share[which] = chosen[near[order[earliest]]], t[order[earliest]]
+    for lines, chosen in _groups(table, start, end):
+        middle, radius = table.bounds[0:3, chosen], _reach(table, chosen)
+        front = side * table.bounds[3:6, chosen]
+        size = max(1, PAIRS_AT_ONCE // chosen.size)
+        for first in range(0, len(lines), size):
+            part = lines[first : first + size]
+            owner, near = _close(start[part], end[part] - start[part], middle, radius, front)
+            if owner.size == 0:
+                continue
+            own = part[owner]
+            origin, way = start[own].T, (end[own] - start[own]).T
+            a, ab, ac = (table.rows[k : k + 3].take(chosen[near], axis=1) for k in (0, 3, 6))
+            offset = origin - a
+            normal, across = _cross(ab, ac), _cross(offset, way)
+            along = _dot(way, normal)  # negative if the line enters against the normal
+            with np.errstate(divide="ignore", invalid="ignore"):
+                t, u, w = -_dot(offset, normal) / along, -_dot(across, ac) / along, _dot(across, ab) / along
+                met = (side * along < 0.0) & (t >= 0.0) & (t <= 1.0)
+                met &= (u >= -OVERLAP) & (w >= -OVERLAP) & (u + w <= 1.0 + OVERLAP)
+            hits = np.flatnonzero(met)
+            order = hits[np.lexsort((near[hits], t[hits], own[hits]))]
+            which, earliest = np.unique(own[order], return_index=True)
+            triangle[which], share[which] = chosen[near[order[earliest]]], t[order[earliest]]
     return triangle, share
+
+
+def _reach(table: TriangleTable, chosen: Indices) -> Array:
+    """Return the radii of the triangles' bounding spheres, with a margin [m]."""
+    return np.asarray(table.bounds[6, chosen] * (1.0 + NEAR) + NEAR)
+
+
+def _groups(table: TriangleTable, start: Array, end: Array) -> Iterator[tuple[Indices, Indices]]:
+    """Yield groups of lines, and the triangles near each group: the indices of both, in ascending order.
+
+    Args:
+        table: triangles of the surface.
+        start, end: ends of each line [m], shape (n, 3) each.
+    """
+    low, high, twice = np.minimum(start, end), np.maximum(start, end), start + end
+    left = [(np.arange(len(start)), np.flatnonzero(table.usable))] if len(start) else []
+    while left:
+        lines, chosen = left.pop()
+        for axis in range(3):
+            centre, radius = table.bounds[axis, chosen], _reach(table, chosen)
+            chosen = chosen[(centre + radius >= low[lines, axis].min()) & (centre - radius <= high[lines, axis].max())]
+        if not chosen.size:
+            continue
+        if len(lines) <= FEW or len(lines) * chosen.size <= FEW_PAIRS:
+            yield lines, chosen
+            continue
+        axis = int(np.ptp(twice[lines], axis=0).argmax())
+        order = np.argsort(twice[lines, axis], kind="stable")
+        left += [(np.sort(lines[half]), chosen) for half in np.array_split(order, 2)]
 
 
 def _close(start: Array, way: Array, middle: Array, radius: Array, front: Array) -> tuple[Indices, Indices]:

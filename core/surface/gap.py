@@ -265,7 +265,7 @@ class Surface:
             yield Finding(
                 "warning",
                 "far-from-origin",
-                "the surface reaches so far from the object's origin that it is felt inexactly, and slowly",
+                "the surface reaches so far from the object's origin that it is felt inexactly",
                 where,
                 value=f"{far:.3g} m",
                 limit=f"<= {FAR:g} m",

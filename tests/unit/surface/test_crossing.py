@@ -10,7 +10,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from core.arrays import Array, Indices
 from core.skin.fingertip import fingertip_mesh
+from core.surface import crossing
 from core.surface.crossing import first_crossing
 from core.surface.gap import Surface
 from core.surface.triangles import TriangleTable
@@ -143,3 +145,22 @@ def nearest(table, start, end):
     count = table.usable.size
     squared, _, _ = closest(table, np.repeat(at.T, count, axis=1), np.tile(np.arange(count), len(at)))
     return float(np.sqrt(squared.min()))
+
+
+def test_lines_near_one_place_are_not_tested_against_all_triangles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Groups of near lines and their own triangles: few pairs, and what each line alone finds, to the bit."""
+    table, rng = Surface.sphere(6e-3, facets=20_000).table, np.random.default_rng(0)
+    start = np.column_stack([rng.uniform(-5e-3, 5e-3, (2000, 2)), rng.uniform(0.0, 3e-3, 2000)])
+    end = start - np.array([0.5e-3, 0.0, 8e-3])
+    pairs, own = [], crossing._close
+
+    def counted(start: Array, way: Array, middle: Array, radius: Array, front: Array) -> tuple[Indices, Indices]:
+        pairs.append(len(start) * len(radius))
+        return own(start, way, middle, radius, front)
+
+    monkeypatch.setattr(crossing, "_close", counted)
+    triangle, share = first_crossing(table, start, end)
+    assert (triangle >= 0).mean() > 0.4 and sum(pairs) < 0.05 * len(start) * table.usable.sum()
+    for k in range(0, 2000, 40):
+        alone = first_crossing(table, start[k : k + 1], end[k : k + 1])
+        assert (alone[0][0], alone[1][0]) == (triangle[k], share[k])

@@ -62,7 +62,7 @@ def test_a_finger_pressed_by_it_feels_what_the_whole_surface_gives(skin, monkeyp
 
     some = pressed()
     whole = "core.contact.solver.sub_stepper.between"
-    monkeypatch.setattr(whole, lambda a, b, share, near=None: between(a, b, share))
+    monkeypatch.setattr(whole, lambda a, b, share, near=None, **arc: between(a, b, share, **arc))
     everything = pressed()
     assert everything[:, 2].sum() > 0.1
     np.testing.assert_allclose(some, everything, atol=1e-6 * np.abs(everything).max())

@@ -109,6 +109,7 @@ def touched(
         if kept is not None:
             kept.append(chunk)
         if skins is not None:
+            yield Progress("sampling", done, scene.sample_count)  # large meshes take seconds to prepare for each
             with clock.stage("skin contact"):
                 skins.add(chunk)
         done += len(chunk.times)

@@ -29,13 +29,15 @@ def roundness(table: TriangleTable, topology: Topology) -> float:
     if (usable[:, None] & (topology.edge_kind == BOUNDARY)).any():
         return 0.0
     across = topology.across
-    normals = _normals(table, across)
-    middles = table.rows[:3].T + (table.rows[3:6].T + table.rows[6:9].T) / 3.0
+    areas = _twice_areas(table)
+    normals = np.ascontiguousarray(_normals(table, across, areas).T)
+    middles = table.rows[:3] + (table.rows[3:6] + table.rows[6:9]) / 3.0
     known = (across >= 0) & usable[:, None] & usable[across]
     triangle, edge = known.nonzero()
     other = across[triangle, edge]
-    turn = np.arccos(np.clip((normals[triangle] * normals[other]).sum(axis=1), -1.0, 1.0))
-    below = ((middles[other] - middles[triangle]) * normals[triangle]).sum(axis=1) < 0.0
+    own = normals[:, triangle]
+    turn = np.arccos(np.clip(_dot(own, normals[:, other]), -1.0, 1.0))
+    below = _dot(middles[:, other] - middles[:, triangle], own) < 0.0
     bent = turn > FLAT
     convex = bent & below
     if not convex.any():
@@ -43,7 +45,7 @@ def roundness(table: TriangleTable, topology: Topology) -> float:
     if (turn[convex] > EDGE).any():
         return 0.0
     face = _faces(len(usable), triangle[~bent], other[~bent])
-    widths = _widths(table, normals, face, triangle[bent], edge[bent])
+    widths = _widths(table, normals.T, areas, face, triangle[bent], edge[bent])
     here = np.full(across.shape, np.nan)
     here[triangle[bent], edge[bent]] = widths
     triangle, edge, other, turn = triangle[convex], edge[convex], other[convex], turn[convex]
@@ -52,11 +54,22 @@ def roundness(table: TriangleTable, topology: Topology) -> float:
     return float((apart / turn).min())
 
 
-def _normals(table: TriangleTable, across: Indices) -> Array:
+def _dot(a: Array, b: Array) -> Array:
+    """Return the dot products of columns, shapes (3, n)."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _twice_areas(table: TriangleTable) -> Array:
+    """Return twice the area of each triangle [m^2], shape (T,)."""
+    a, b = table.rows[3:6], table.rows[6:9]
+    normal = np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    return np.sqrt(_dot(normal, normal))
+
+
+def _normals(table: TriangleTable, across: Indices, area: Array) -> Array:
     """Return unit normals, shape (T, 3): those of the thinnest triangles are taken from beyond their longest sides."""
     normals, lengths = table.bounds[3:6].T, np.sqrt(table.rows[[9, 11, 10]].T)
     size = float(np.abs(table.rows[:3]).max(initial=0.0))
-    area = np.sqrt((np.cross(table.rows[3:6].T, table.rows[6:9].T) ** 2).sum(axis=1))
     left = (table.usable & (area * FLAT < ROUNDING * size * lengths.max(axis=1))).nonzero()[0]
     if not len(left):
         return normals
@@ -84,17 +97,19 @@ def _faces(count: int, one: Indices, other: Indices) -> Indices:
     return np.asarray(connected_components(pairs, directed=False)[1], dtype=np.int64)
 
 
-def _widths(table: TriangleTable, normals: Array, face: Indices, triangle: Indices, edge: Indices) -> Array:
+def _widths(
+    table: TriangleTable, normals: Array, area: Array, face: Indices, triangle: Indices, edge: Indices
+) -> Array:
     """Return how far flat faces reach from their edges [m], shape (n,).
 
     Args:
         table: triangles of the surface.
-        normals: their unit normals, shape (T, 3). face: index of each triangle's face, shape (T,).
+        normals: their unit normals, shape (T, 3). area: twice the area of each [m^2], shape (T,).
+        face: index of each triangle's face, shape (T,).
         triangle, edge: all edges of the faces, each by a triangle and its edge, shape (n,).
     """
     a, ab, ac = (table.rows[k : k + 3].T for k in (0, 3, 6))
-    area = np.sqrt((np.cross(ab[triangle], ac[triangle]) ** 2).sum(axis=1))
-    widths: Array = area / np.sqrt(np.maximum(table.rows[[9, 11, 10]].T[triangle, edge], 1e-300))
+    widths: Array = area[triangle] / np.sqrt(np.maximum(table.rows[[9, 11, 10]].T[triangle, edge], 1e-300))
     more = (np.bincount(face)[face[triangle]] > 1).nonzero()[0]  # of faces that are not one triangle
     if not len(more):
         return widths

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from core.contact import resultants
+from core.contact.surfaces import surface_of
 from core.pipeline.bake import Bake
 from core.pipeline.outputs import export
-from core.pipeline.render import run
+from core.pipeline.render import render, run
 from core.presets import Library
 from core.scene.from_poses import scene_from_poses
 from core.scene.tactile_scene import Body, DeviceUse, Finger
@@ -63,3 +64,18 @@ def test_points_give_the_same_bytes_twice(tmp_path: Path) -> None:
     assert points is not None
     np.testing.assert_allclose(touch.force_at(last).sum(axis=0), points.force.sum(axis=0), atol=1e-6)
     assert touch.normal_force[last] == pytest.approx(np.linalg.norm(points.force.sum(axis=0)), rel=0.3)
+
+
+def test_progress_is_told_between_the_preparations_of_a_mesh() -> None:
+    """A large mesh takes seconds for the pads and seconds for the skins: a bake may be cancelled between them."""
+    t = np.linspace(0.0, 1.0, COUNT)
+    way = np.stack([0.0 * t, 0.0 * t, -0.3e-3 + 0.6e-3 * t], axis=1)
+    ball = Surface.sphere(8e-3)
+    scene = scene_from_poses(
+        RATE, [(Finger("Index", (DeviceUse("pin_array_128"),)), (0.0, 0.0, 0.0))], [(Body("Thing", ball.mesh), way)]
+    )
+    told = []
+    for progress in render(scene, Library()):
+        if progress.stage == "sampling":
+            told.append((progress.done, "roundness" in surface_of(scene.bodies[0].mesh).__dict__))
+    assert told[:2] == [(0, False), (COUNT, True)]

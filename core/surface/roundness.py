@@ -68,7 +68,7 @@ def _twice_areas(table: TriangleTable) -> Array:
 
 def _normals(table: TriangleTable, across: Indices, area: Array) -> Array:
     """Return unit normals, shape (T, 3): those of the thinnest triangles are taken from beyond their longest sides."""
-    normals, lengths = table.bounds[3:6].T, np.sqrt(table.rows[[9, 11, 10]].T)
+    normals, lengths = table.bounds[3:6].T, np.sqrt(np.maximum(table.rows[[9, 11, 10]].T, 0.0))
     size = float(np.abs(table.rows[:3]).max(initial=0.0))
     left = (table.usable & (area * FLAT < ROUNDING * size * lengths.max(axis=1))).nonzero()[0]
     if not len(left):

@@ -49,3 +49,14 @@ def test_an_open_sheet_has_a_rim_and_a_hollow_has_no_convex_bend() -> None:
     vertices, triangles = shapes.sphere(8e-3, 320)
     assert of(vertices, triangles[1:]) == 0.0
     assert of(vertices, triangles[:, ::-1]) == np.inf
+
+
+def test_a_vertex_that_lies_far_apart_gives_a_radius_without_a_warning() -> None:
+    """Beside sides of 100 km the third side is lost in rounding: its square may come out below zero."""
+    ball = Surface.sphere(15e-3, facets=5000)
+    vertices = ball.vertices.copy()
+    vertices[vertices[:, 2].argmin()] = [1e5, 300.0, -200.0]
+    surface = Surface.build(vertices, ball.triangles)
+    assert surface.table.rows[9:12].min() < 0.0
+    with np.errstate(all="raise"):
+        assert surface.roundness == 0.0

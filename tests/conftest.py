@@ -71,30 +71,53 @@ def lines_of(items: Sequence[pytest.Item]) -> list[str | None]:
 
     The mark `one_line` decides where there is one. Else a test runs on both lines, but for two kinds:
 
-    * cases of a parametrized test after its first one, in tests/unit and where the mark `shared_cases` allows it;
-    * tests after the first one of their file, in those folders of tests/unit that hold equations (`EQUATIONS`) and in
-      files with the mark `shared_tests`, but for those that walk through Blender's undo.
+    * cases of a parametrized test after its first one, in tests/unit and where the mark `shared_cases` allows it: a
+      checksum of the file's name and the case's draws the line;
+    * all tests in those folders of tests/unit that hold equations (`EQUATIONS`) and in files with the mark
+      `shared_tests`, but for those that walk through Blender's undo: the lines take turns, from one that a checksum of
+      the file's name draws, so that each has half of every file. A file with one test runs on both.
 
-    For these a checksum of the file's name and the case's (of the test's where it has no cases) draws the line, so
-    that each has about half of every file, and what is made once for a case in a file is made on one of them.
+    Tests of the same case in a file go to the same line, so that what is made once for a case is made on one of them.
     """
-    files: set[str] = set()
+    turns: dict[str, dict[str, int]] = {}  # of shared files: the cases, and tests without cases, in their order
     functions: set[str] = set()
     lines: list[str | None] = []
     for item in items:
-        file, function = item.nodeid.partition("::")[0], item.nodeid.partition("[")[0]
-        line = line_of(item)
-        unit = file.startswith("tests/unit/")
-        shared = item.get_closest_marker("shared_tests") and not item.get_closest_marker("undo")
-        whole = shared or (unit and file.split("/")[2] in EQUATIONS)
-        if line is None and (unit or whole or item.get_closest_marker("shared_cases")):
-            if file in files if whole else function in functions:
-                case = item.nodeid[len(function) :] or function
-                line = LINES[zlib.crc32(f"{file}{case}".encode()) % 2]
-            files.add(file)
+        lines.append(line_of(item))
+        if lines[-1] is None and is_shared(item):
+            cases = turns.setdefault(file_of(item), {})
+            cases.setdefault(case_of(item), len(cases))
+    for i, item in enumerate(items):
+        file, function = file_of(item), item.nodeid.partition("[")[0]
+        if lines[i] is not None:
+            continue
+        if is_shared(item):
+            if len(turns[file]) > 1:
+                lines[i] = LINES[(zlib.crc32(file.encode()) + turns[file][case_of(item)]) % 2]
+        elif file.startswith("tests/unit/") or item.get_closest_marker("shared_cases"):
+            if function in functions:
+                lines[i] = LINES[zlib.crc32(f"{file}{case_of(item)}".encode()) % 2]
             functions.add(function)
-        lines.append(line)
     return lines
+
+
+def file_of(item: pytest.Item) -> str:
+    """Return the file of a test."""
+    return item.nodeid.partition("::")[0]
+
+
+def case_of(item: pytest.Item) -> str:
+    """Return the case of a test in brackets, the test's whole name where it has no cases."""
+    function, bracket, case = item.nodeid.partition("[")
+    return bracket + case or function
+
+
+def is_shared(item: pytest.Item) -> bool:
+    """Return whether the lines take turns at a test."""
+    if item.get_closest_marker("shared_tests"):
+        return not item.get_closest_marker("undo")
+    parts = file_of(item).split("/")
+    return parts[:2] == ["tests", "unit"] and parts[2] in EQUATIONS
 
 
 def line_of(item: pytest.Item) -> str | None:

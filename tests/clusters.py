@@ -23,7 +23,7 @@ WORKERS = {  # as presets/scale.md starts workers, where it says why
     "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
 }
 
-CALM = {  # one cluster serves all tests of a run, and looks after itself in vain: 8 % of a processor, so 1 %
+CALM = {  # one cluster serves all tests of a file, and looks after itself in vain: 8 % of a processor, so 2 %
     "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "500ms",
     "DASK_DISTRIBUTED__ADMIN__SYSTEM_MONITOR__INTERVAL": "10s",
     "DASK_DISTRIBUTED__WORKER__MEMORY__MONITOR_INTERVAL": "2s",

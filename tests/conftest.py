@@ -23,6 +23,7 @@ STARVED = 0.03  # [s] by which a thread that only sleeps may wake too late befor
 CROWDED = 0.1  # part of a test's time in which somebody waited for a processor, from which the machine is to blame
 TRIES = 5
 FREE = 2  # failures that do not count beside the other line
+PAUSE = 1.0  # [s] by which the wait before a try beside the other line is longer than that before the last one
 LINES = ("3.11", "3.13")
 LEFT = pytest.StashKey[list[str]]()  # the tests that the other line runs
 # Folders of tests/unit that hold equations: numbers in, numbers out, by numpy, scipy and the kernels.
@@ -197,7 +198,7 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
         return None
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     for attempt in range(TRIES):
-        time.sleep(attempt if beside else 0)
+        time.sleep(PAUSE * attempt if beside else 0)
         with _turn(alone=attempt > 0):
             sleeper, began, waited = _Sleeper(), time.perf_counter(), _waited()
             sleeper.start()

@@ -39,9 +39,13 @@ def short_touches(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trial, "interaction", partial(interaction, repetitions=1))
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def cluster() -> Iterator[Cluster]:
-    """A dask scheduler and two workers, as processes; it takes seconds to start, so all tests share it."""
+    """A dask scheduler and two workers, as processes.
+
+    It takes 3 s of processor time to start, and 2 % of a processor as long as it is there: one for each file is cheaper
+    than one for a run of 20 minutes.
+    """
     if not has_dask():
         pytest.skip(MISSING)
     with Cluster(2) as made:

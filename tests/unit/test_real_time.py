@@ -33,11 +33,12 @@ def outcome(
 
         def pytest_configure(config):
             config.addinivalue_line("markers", "real_time: as in the project")
-            config.was = rule._Sleeper, rule._waited
+            config.was = rule._Sleeper, rule._waited, rule.PAUSE
             rule._Sleeper, rule._waited = Sleeper, lambda: {crowded} * time.perf_counter()
+            rule.PAUSE = 0.0
 
         def pytest_unconfigure(config):
-            rule._Sleeper, rule._waited = config.was
+            rule._Sleeper, rule._waited, rule.PAUSE = config.was
         """
     )
     pytester.makepyfile(body)

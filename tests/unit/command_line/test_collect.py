@@ -45,6 +45,7 @@ def whole(tmp_path_factory):
     return folder / "t.csv"
 
 
+@pytest.mark.one_line("3.13", "the board is simulated; the rest of this file runs on both lines")
 def test_rows_are_what_the_device_does_to_the_sensor(whole):
     """Each against the press that the virtual sensor stands for; the device's range and rest row fit."""
     library = Library()
@@ -64,6 +65,7 @@ def test_rows_are_what_the_device_does_to_the_sensor(whole):
 
 
 @posix
+@pytest.mark.one_line("3.13", "the board is simulated; the rest of this file runs on both lines")
 def test_after_a_break_it_goes_on_where_it_was(tmp_path, whole, capfd):
     out = tmp_path / "t.csv"
     words = command("collect", *DEVICE, *QUICK, "--out", str(out))
@@ -95,6 +97,7 @@ def test_after_a_break_it_goes_on_where_it_was(tmp_path, whole, capfd):
     np.testing.assert_allclose(made[:, :3], own[:, :3])
 
 
+@pytest.mark.one_line("3.11", "the board is simulated; the rest of this file runs on both lines")
 def test_a_reading_beyond_the_limit_ends_it_in_the_safe_state_and_rows_stay(tmp_path, capsys):
     out = tmp_path / "t.csv"
     assert collected(out, "--stop-at", "pressure=300") == 2

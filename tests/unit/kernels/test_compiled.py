@@ -148,7 +148,7 @@ def test_denormal_numbers_are_kept(control: ctypes.CDLL) -> None:
 def test_nothing_is_read_or_written_beside_the_arrays(tmp_path: Path) -> None:
     """Random arrays, numbers that are none, hints that are no triangles: under the address and undefined sanitizers."""
     path = tmp_path / "sanitized.so"
-    flags = ("-O1", "-g", "-march=x86-64-v2", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    flags = ("-O1", "-march=x86-64-v2", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
     subprocess.run(gcc(path, *flags), check=True)
     told = subprocess.run(["gcc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=True)
     variables = {

@@ -185,7 +185,7 @@ def test_a_state_can_be_gone_back_to(pad):
 
 
 @pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
-@pytest.mark.parametrize("seed", [2, 3, 6])
+@pytest.mark.parametrize("seed", [pytest.param(2, marks=pytest.mark.long), 3, 6])
 def test_a_leap_that_is_tried_and_taken_back_leaves_no_trace(pad, seed):
     """Up to three things jump about by millimetres, and come and go: each frame is solved twice from the same state."""
     surfaces = Surface.sphere(5e-3, 1500), Surface.sphere(2.5e-3, 900), Surface.block(0.02, 0.02, 0.01)

@@ -42,6 +42,7 @@ class Reader(Yes):
         return math.degrees(self.reached(self.driven[-1]))
 
 
+@pytest.mark.one_line("3.11", "the board is simulated; the command runs on the other line")
 @pytest.mark.real_time
 def test_the_curve_of_an_actuator_is_measured_within_its_limits() -> None:
     device = {"key": "haptip", "preset": Library().load("devices", "haptip")}
@@ -57,6 +58,7 @@ def test_the_curve_of_an_actuator_is_measured_within_its_limits() -> None:
     assert curve.play == pytest.approx(reader.play, rel=0.25)
 
 
+@pytest.mark.one_line("3.13", "the board is simulated; the walk by itself runs on the other line")
 @pytest.mark.real_time
 def test_the_command_writes_a_calibration_and_says_what_it_found(tmp_path: Path) -> None:
     out = tmp_path / "made.json"

@@ -16,29 +16,29 @@ from core.surface.gap import Surface
 from core.track import csv
 from tests.held_blocks import BLOCK, HALF, carried
 
-RATE, COUNT = 60, 26
+RATE, COUNT = 60, 14
 DRAFT = {"skin_level": "draft"}
 
 
 def scene_of(
-    fingers: list[Finger], bodies: list[Body], depths: Array, apart: float = 40e-3, rate: int = RATE
+    fingers: list[Finger], bodies: list[Body], depths: Array, apart: float = 40e-3, rate: int = RATE, count: int = COUNT
 ) -> TactileScene:
     """Return fingers in a row, each above a block of its own, or above the only one, that press into it."""
-    times = np.arange(COUNT) / rate
-    poses = np.tile(np.eye(4), (len(fingers), COUNT, 1, 1))
-    blocks = np.tile(np.eye(4), (len(bodies), COUNT, 1, 1))
+    times = np.arange(count) / rate
+    poses = np.tile(np.eye(4), (len(fingers), count, 1, 1))
+    blocks = np.tile(np.eye(4), (len(bodies), count, 1, 1))
     poses[:, :, 0, 3] = apart * np.arange(len(fingers))[:, None]
     blocks[:, :, 0, 3] = apart * np.arange(len(bodies))[:, None]
     for pose, depth in zip(poses, depths, strict=True):
-        pose[:, 2, 3] = 20e-3 - depth * np.sin(np.pi * np.arange(COUNT) / (COUNT - 1))
-    cuts = [slice(i, i + 10) for i in range(0, COUNT, 10)]
+        pose[:, 2, 3] = 20e-3 - depth * np.sin(np.pi * np.arange(count) / (count - 1))
+    cuts = [slice(i, i + 5) for i in range(0, count, 5)]
     chunks = [Chunk(times[c] * rate, times[c], poses[:, c], blocks[:, c], poses[:0, c]) for c in cuts]
     return TactileScene(
-        "row", Fraction(rate), (0, COUNT - 1), rate, tuple(fingers), tuple(bodies), (), chunks, findings=()
+        "row", Fraction(rate), (0, count - 1), rate, tuple(fingers), tuple(bodies), (), chunks, findings=()
     )
 
 
-def three(first: str = "haptip", deep: float = 1.0, rate: int = RATE) -> TactileScene:
+def three(first: str = "haptip", deep: float = 1.0, rate: int = RATE, count: int = COUNT) -> TactileScene:
     """Return fingers with a device, with pins and a shear tactor, and with a shear tactor and a skin that is shown.
 
     Args:
@@ -52,7 +52,7 @@ def three(first: str = "haptip", deep: float = 1.0, rate: int = RATE) -> Tactile
         Finger("Ring", (DeviceUse("haptip"),), {**DRAFT, "skin_shown": True}),
     ]
     bodies = [Body(f"block {i}", lifted, {"friction": 0.4}) for i in range(3)]
-    return scene_of(fingers, bodies, deep * np.array([1e-3, 0.8e-3, 6e-3]), rate=rate)
+    return scene_of(fingers, bodies, deep * np.array([1e-3, 0.8e-3, 6e-3]), rate=rate, count=count)
 
 
 @cache

@@ -17,6 +17,8 @@ from blender_addon.streaming import session
 from .build import cube, finger, keys, span
 from .test_stream import state, wait
 
+pytestmark = pytest.mark.shared_cases("what is compared is sampled, and sampling runs on both lines")
+
 _moves = {"by": 0.0}
 
 

@@ -135,6 +135,7 @@ def test_how_far_a_job_is_goes_with_it(scene):
     assert jobs.progress() is None
 
 
+@pytest.mark.one_line("3.13", "processes of the engine; the rest of this file runs on both lines")
 def test_a_bake_on_all_cores_is_that_of_one_and_can_be_left(scene, monkeypatch):
     build.cube("Other Cube", 0.2, location=(1.0, 0.0, 0.0))
     tips = [bpy.data.objects["Finger"], build.finger("Other Finger", (1.0, 0.0, 0.3))]
@@ -161,6 +162,7 @@ def test_a_bake_on_all_cores_is_that_of_one_and_can_be_left(scene, monkeypatch):
     assert not own_workers(), "a process went on"
 
 
+@pytest.mark.one_line("3.11", "the engine keeps shares; the rest of this file runs on both lines")
 def test_a_second_bake_renders_whom_a_change_concerns(scene):
     build.cube("Other Cube", 0.2, location=(1.0, 0.0, 0.0))
     tips = [bpy.data.objects["Finger"], build.finger("Other Finger", (1.0, 0.0, 0.3))]

@@ -6,12 +6,15 @@ from fractions import Fraction
 
 import bpy
 import numpy as np
+import pytest
 
 from blender_addon.demos import demo_skin
 from blender_addon.preview import device_preview, skin_preview, thimble_preview
 from blender_addon.preview.kept_states import SPACING, STATES, KeptStates
 from blender_addon.scene_time import Clock
 from blender_addon.viewport import shown
+
+pytestmark = pytest.mark.shared_tests("the engine's states")
 
 CLOCK = Clock(Fraction(24), 0.0)
 

@@ -21,6 +21,8 @@ from tests.damage import Damager
 
 from .build import cube, empty, finger, keys, span
 
+pytestmark = pytest.mark.shared_tests("files are read by the engine")
+
 
 def stored(tmp_path: Path) -> Path:
     bpy.ops.dermis.add_finger()

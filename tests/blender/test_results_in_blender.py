@@ -19,6 +19,8 @@ from core.track import export as track_export
 from .build import cube, finger, keys, span
 from .stand_in import Anything, draw_panels
 
+pytestmark = pytest.mark.shared_cases("formats of the engine")
+
 FINGERS = {"Index", "Reader", "Thumb"}
 
 

@@ -25,6 +25,8 @@ from . import build
 from .test_sampling_simulated import rigid
 from .test_stream import HAPTIP
 
+pytestmark = pytest.mark.shared_cases("timings differ in numbers")
+
 TOP, DEPTH = 0.02, 0.7e-3  # [m]: a plate's face, and how deep it is pressed
 
 

@@ -23,7 +23,7 @@ from .stand_in import Anything, Panel
 from .test_stream import HAPTIP, a_bake, a_track, ended, heard, state, wait
 from .test_undo import push, undo
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.shared_tests("the sender is a process of the engine")]
 
 
 @pytest.fixture

@@ -49,6 +49,7 @@ def test_a_refusal_goes_through_a_pickle(error: DermisError) -> None:
     assert type(again) is DermisError and str(again) == str(error) and again.as_dict() == error.as_dict()
 
 
+@pytest.mark.one_line("3.13", "the text of the sources is read")
 def test_codes_are_short_words_with_hyphens() -> None:
     found = set()
     for folder in ("core", "blender_addon"):

@@ -17,6 +17,8 @@ from core.surface import shapes
 from core.surface.gap import Surface
 from core.track import csv
 
+pytestmark = pytest.mark.shared_tests("numbers alone")
+
 
 @pytest.fixture(scope="module")
 def skin() -> SkinModel:

@@ -25,6 +25,8 @@ from core.surface.shapes import sphere
 from core.track import csv
 from core.track.command_track import CommandTrack
 
+pytestmark = pytest.mark.shared_tests("verbs of the engine; each line tries half of them")
+
 ROOT = Path(core.__file__).parents[1]
 SPEC = DeviceSpec("dev", "A device", "thimble", 100.0, (Channel("x", "m", -1.0, 1.0, actuator="a"),), stated_hash="0")
 TRACK = CommandTrack(SPEC, np.arange(5) / 100, np.array([[0.0], [0.5], [1.0], [0.5], [0.0]]), {"finger": "F"})

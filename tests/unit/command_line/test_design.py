@@ -65,7 +65,7 @@ def reported(tmp_path_factory):
     return folder, made
 
 
-@pytest.mark.one_line("3.13", "numbers alone; a cluster sweeps on both lines")
+@pytest.mark.one_line("3.13", "numbers alone; the other line runs the verb on a cluster")
 def test_the_report_comes_as_text_json_picture_and_preset(reported):
     folder, made = reported
     out = folder / "out"
@@ -88,7 +88,7 @@ def test_the_report_comes_as_text_json_picture_and_preset(reported):
     assert clearance(spec, Wire.of(spec).safe) >= CLEAR, "it lets a finger go"
 
 
-@pytest.mark.one_line("3.13", "numbers alone; a cluster sweeps on both lines")
+@pytest.mark.one_line("3.13", "numbers alone; the other line runs the verb on a cluster")
 def test_a_saved_table_gives_the_same_answer_as_json(reported):
     folder, made = reported
     again = run("flat", "--table", folder / "table.npz", "--json", "--quiet")
@@ -98,7 +98,7 @@ def test_a_saved_table_gives_the_same_answer_as_json(reported):
     assert len(SkinTable.load(folder / "table.npz").commands) == first["table"]["rows"]
 
 
-@pytest.mark.one_line("3.13", "numbers alone; a cluster sweeps on both lines")
+@pytest.mark.one_line("3.13", "numbers alone; the other line runs the verb on a cluster")
 def test_mistakes_are_said_and_not_traced(reported, tmp_path):
     folder, _ = reported
     (tmp_path / "bad.csv").write_text("time\n0\n1\n")
@@ -176,6 +176,7 @@ def test_the_estimate_is_what_the_simulation_plays_back(skin, short_touches):
     assert np.abs(played - loud).mean() < 0.015 * FULL_SCALE  # and the touch itself is rendered as well
 
 
+@pytest.mark.one_line("3.11", "bytes alone; the other line runs the verb without a cluster")
 def test_a_cluster_sweeps_the_same_table(tmp_path: Path, cluster: Cluster) -> None:
     """More rows than a part has, so that both workers have some."""
     words = ["design", "--rows", "1500", "--quiet", "--save-table"]

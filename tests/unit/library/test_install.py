@@ -92,6 +92,7 @@ def test_it_touches_matches_and_works_in_children(installed: Installed) -> None:
     assert abs(np.array(force[:2])).max() < 0.1 * force[2], "a ball in the middle pushes straight up"
 
 
+@pytest.mark.one_line("3.11", "it is C; the rest of this file runs on both lines")
 def test_without_a_library_in_the_sources_it_is_compiled(sources: Path, tmp_path: Path) -> None:
     """As pip does it for a person without a compiler: by the package that pyproject.toml asks for."""
     folder = tmp_path / "sources"

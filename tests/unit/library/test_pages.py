@@ -109,6 +109,7 @@ def test_a_broken_link_is_found(tmp_path: Path) -> None:
     assert site_pages.broken(page) == ["other.md#once-2", "#none", "no.md"]
 
 
+@pytest.mark.one_line("3.13", "pages of text")
 def test_the_site_builds_without_a_warning(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     try:
         status = build_addon.site(build_addon.environment(), tmp_path)

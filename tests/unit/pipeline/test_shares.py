@@ -53,7 +53,7 @@ def test_processes_give_the_same_bytes(processes: ProcessExecutor, tmp_path: Pat
 
 def test_samples_between_are_the_same_bytes_in_processes(processes: ProcessExecutor, tmp_path: Path) -> None:
     """Fingers that press slowly at 240 samples a second are solved every other sample or so."""
-    cache, scene = Cache(tmp_path, 10**9), three("thimble_3rrs", 0.5, 240)
+    cache, scene = Cache(tmp_path, 10**9), three("thimble_3rrs", 0.5, 240, 26)
     alone = drain(render(scene, Library(), cache=cache))
     same(alone, drain(render(scene, Library(), cache=cache, executor=processes)))
     assert alone.skipped["skin_frames_between"] > 5

@@ -131,14 +131,14 @@ def test_frames_in_which_nothing_moves() -> None:
     block = Surface.block(30e-3, 30e-3, 20e-3).mesh
     lifted = replace(block, vertices=block.vertices + [0.0, 0.0, 20e-3 - block.vertices[:, 2].max()])
     finger = Finger("Thumb", (), {**DRAFT, "skin_shown": True})
-    scene = scene_of([finger], [Body("block", lifted, {"friction": 0.4})], np.array([1e-3]))
+    scene = scene_of([finger], [Body("block", lifted, {"friction": 0.4})], np.array([1e-3]), count=26)
     held = [replace(c, fingers=np.repeat(c.fingers[:, :1], len(c.times), axis=1)) for c in scene.chunks]
     rested = run(replace(scene, chunks=held))
     assert run(scene).skipped["skin_frames_same"] < 5, "it moves"
     skin = rested.skins["Thumb"]
-    assert rested.skipped["skin_frames_same"] >= COUNT // 2
+    assert rested.skipped["skin_frames_same"] >= 13
     third = skin.force[skin.contact >= 20]
-    assert len(third) == COUNT - 20 and (third == third[0]).all(), "the same pose, the same forces"
+    assert len(third) == 6 and (third == third[0]).all(), "the same pose, the same forces"
 
 
 def test_code_of_devices_that_nobody_wears(plain: Bake) -> None:

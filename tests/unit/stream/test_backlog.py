@@ -18,6 +18,8 @@ from core.stream.virtual.device import make
 from core.stream.virtual.native import NativeDevice
 from tests.unit.stream.stream_lab import TICK, Lab
 
+pytestmark = pytest.mark.shared_tests("numbers and bytes; senders that end run on both lines")
+
 FRAME = 0.02  # of a hobby servo's pulses [s]
 HAPTIP = Wire.of(Library().device("haptip"))
 

@@ -19,7 +19,10 @@ from core.work.child import environment
 from tests.unit.stream.stream_box import HAPTIP, beating, posix, ready
 from tests.unit.stream.stream_relay import Relay
 
-pytestmark = pytest.mark.real_time
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.shared_tests("the system ends programs, and boards are simulated; senders that end run on both lines"),
+]
 
 serial = pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
 

@@ -31,6 +31,8 @@ from core.track.command_track import CommandTrack
 from tests.second_order import measured, movement
 from tests.unit.stream.stream_lab import Lab, sine_track
 
+pytestmark = pytest.mark.shared_tests("numbers and bytes; senders that end run on both lines")
+
 HAPTIP = Library().device("haptip")
 
 

@@ -25,6 +25,8 @@ from core.stream.safe_ramp import SafeRamp
 from tests.unit.stream.stream_box import posix
 from tests.unit.stream.stream_lab import TICK, Lab
 
+pytestmark = pytest.mark.shared_tests("numbers and bytes; senders that end run on both lines")
+
 FAR = {f"motor_{k}": math.radians(160) for k in (1, 2, 3)}
 SPEED = math.radians(600)
 PERIOD = 0.01  # the cable platform takes 100 commands a second

@@ -19,6 +19,8 @@ from core.stream.touch_panel_source import PanelSource
 from tests.unit.stream import stream_lab
 from tests.unit.stream.stream_lab import Lab
 
+pytestmark = pytest.mark.shared_tests("numbers and bytes; senders that end run on both lines")
+
 SPEC = Library().device("electrovibration")
 WIRE = Wire.of(SPEC)
 WINDOW = 0.02

@@ -19,6 +19,8 @@ from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import TICK, Lab
 
+pytestmark = pytest.mark.shared_tests("numbers and bytes; senders that end run on both lines")
+
 
 def test_nothing_moves_before_a_person_arms(track_file: Path) -> None:
     lab = Lab(track=str(track_file))

@@ -15,6 +15,8 @@ from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import TICK, Lab
 
+pytestmark = pytest.mark.shared_tests("numbers and bytes; senders that end run on both lines")
+
 # -- a link or a device that takes nothing
 
 

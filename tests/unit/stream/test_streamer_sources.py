@@ -23,6 +23,8 @@ from core.track import csv
 from core.track.command_track import CommandTrack
 from tests.unit.stream.stream_lab import Lab, panel_lab
 
+pytestmark = pytest.mark.shared_tests("numbers and bytes; senders that end run on both lines")
+
 # -- the touch panel
 
 

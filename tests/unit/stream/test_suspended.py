@@ -20,13 +20,25 @@ from core.work.child import command, environment
 from tests import exits, suspensions
 from tests.unit.stream.stream_box import posix
 
-pytestmark = [pytest.mark.real_time, posix]
+pytestmark = [
+    pytest.mark.real_time,
+    posix,
+    pytest.mark.shared_tests("the system holds programs, and boards are simulated; senders that end run on both lines"),
+]
 
 serial = pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
 
 
-@pytest.mark.parametrize("kind", sorted(suspensions.KINDS))
-@pytest.mark.parametrize("protocol", exits.PROTOCOLS)
+@pytest.mark.parametrize(
+    ("protocol", "kind"),
+    [
+        pytest.param(
+            protocol, kind, marks=[pytest.mark.long] * (kind == "both" and protocol not in ("native", "maestro", "osc"))
+        )
+        for protocol in exits.PROTOCOLS
+        for kind in sorted(suspensions.KINDS)
+    ],
+)
 def test_nothing_goes_on_by_itself(kind: str, protocol: str) -> None:
     with exits.Receiver(protocol) as receiver:
         found = suspensions.KINDS[kind](receiver, 0.7)

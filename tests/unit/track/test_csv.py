@@ -114,6 +114,7 @@ TEXTS = st.text(st.characters(codec=None, exclude_categories=()), max_size=20)
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False, width=64)
 
 
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 @settings(FIXED, max_examples=150)
 @given(
     meta=st.dictionaries(st.from_regex(r"x\.[A-Za-z0-9_.-]{1,8}|finger|scene|law", fullmatch=True), TEXTS, max_size=4),

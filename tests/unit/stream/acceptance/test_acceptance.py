@@ -223,7 +223,9 @@ def test_a_stuck_motor_fails_whatever_the_person_says_and_is_one_line(boxes: Any
 
 
 @pytest.mark.real_time
-@pytest.mark.parametrize(("too_fast", "outcome"), [(1.0, "passed"), (1.2, "failed"), pytest.param(40.0, "failed", marks=pytest.mark.long)])
+@pytest.mark.parametrize(
+    ("too_fast", "outcome"), [(1.0, "passed"), (1.2, "failed"), pytest.param(40.0, "failed", marks=pytest.mark.long)]
+)
 def test_a_board_that_moves_faster_than_it_was_told_fails(too_fast: float, outcome: str) -> None:
     bench = bench_for("haptip")
     bench.connect()

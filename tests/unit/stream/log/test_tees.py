@@ -24,6 +24,8 @@ from core.stream.log.udp_tee import UdpTee
 from tests.unit.stream.log.test_files import HEADER, rows
 from tests.unit.stream.stream_box import beating, posix, ready
 
+pytestmark = pytest.mark.shared_tests("bytes of the log; senders that end run on both lines")
+
 
 @pytest.fixture
 def listener() -> Iterator[socket.socket]:

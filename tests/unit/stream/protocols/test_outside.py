@@ -17,6 +17,8 @@ from core.stream.protocols.silence import Does, Silence
 from core.stream.protocols.wire import Wire
 from tests.unit.stream.stream_lab import TICK, Lab
 
+pytestmark = pytest.mark.shared_tests("numbers and bytes; senders that end run on both lines")
+
 OUTSIDE = Path(__file__).parents[3] / "adapters"
 FAR = {f"motor_{k}": 2.79 for k in (1, 2, 3)}
 COUNT = 2 * np.pi / 4096

@@ -24,6 +24,8 @@ from core.stream.virtual.osc import OscDevice
 from core.stream.virtual.servo_animation import ServoAnimationDevice
 from tests.unit.stream.stream_lab import Lab
 
+pytestmark = pytest.mark.shared_tests("numbers and bytes; senders that end run on both lines")
+
 SERVOS = DeviceSpec(
     "servos", "Servos", "test", 50.0, tuple(Channel(f"s{i}", "rad", -1.0, 1.0, 8.0, 0.0, f"m{i}") for i in range(4))
 )

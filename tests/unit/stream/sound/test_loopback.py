@@ -13,6 +13,8 @@ from core.stream.sound.card import open_card
 from core.stream.sound.loopback import lowest, measure
 from core.stream.sound.measured_card import MeasuredCard
 
+pytestmark = pytest.mark.shared_tests("numbers and bytes; senders that end run on both lines")
+
 
 def found(options: str = "", rate: int = 48_000) -> MeasuredCard:
     return measure(open_card(f"virtual:{options}", rate))

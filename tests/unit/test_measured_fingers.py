@@ -10,6 +10,7 @@ import pytest
 from core.skin.model import fingertip_skin
 from core.skin.surface_store import smooth_pad
 from tests.benchmarks.figures_fingers import NUMBERS, main
+from tests.benchmarks.fingers import trials
 from tests.benchmarks.fingers.balls import ball_profiles
 from tests.benchmarks.fingers.laws import ellipsoid, exponential, paraboloid, power, slope, straight
 from tests.benchmarks.fingers.numbers import _rim, width
@@ -137,7 +138,16 @@ def test_balls_are_told_at_the_forces_that_were_asked_for():
     assert sharp[0].depth > blunt[0].depth
 
 
-def test_the_command_writes_page_pictures_and_numbers(tmp_path, capsys):
+def test_the_command_writes_page_pictures_and_numbers(tmp_path, capsys, monkeypatch):
+    """With one ball for all, on linear skin: what balls do to skin is tested above."""
+    kept = {}
+
+    def profiles(skin, radius, forces, below):
+        if below not in kept:
+            kept[below] = ball_profiles(skin, radius, forces, below)
+        return kept[below]
+
+    monkeypatch.setattr(trials, "ball_profiles", profiles)
     arguments = ["--out", str(tmp_path), "--numbers", str(tmp_path / "n.json"), "--level", "draft", "--squares", "0"]
     assert main(arguments) == 0
     said = json.loads((tmp_path / "n.json").read_text())

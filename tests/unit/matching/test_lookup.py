@@ -278,7 +278,7 @@ def test_a_scene_is_rendered_and_the_track_makes_the_skin_feel_alike(device):
     assert abs(felt[:, -1].max() - wanted[:, -1].max()) < coarse * (wanted[:, -1].max() - 500)
 
 
-def pressed_lightly(tilt=0.0, slide=1e-3, samples=60):
+def pressed_lightly(tilt=0.0, slide=1e-3, samples=60, rows=3375):
     """Commands of a cable platform for a tilted plate that presses 0.1 mm deep and slides to one side [m]."""
     from core.pipeline.render import run
     from core.scene.from_poses import scene_from_poses
@@ -288,7 +288,7 @@ def pressed_lightly(tilt=0.0, slide=1e-3, samples=60):
     flat = Surface.block(0.1, 0.1).mesh
     turn = np.array([[np.cos(tilt), 0.0, np.sin(tilt)], [0.0, 1.0, 0.0], [-np.sin(tilt), 0.0, np.cos(tilt)]])
     plate = Body("Plate", Mesh(flat.vertices @ turn.T, flat.triangles), {"friction": 0.3})
-    finger = Finger("Index", (DeviceUse("cable_platform"),), {"skin_level": "draft"})
+    finger = Finger("Index", (DeviceUse("cable_platform", {"table_rows": rows}),), {"skin_level": "draft"})
     share = np.arange(samples) / (samples - 1)
     down, along = np.minimum(2.0 * share, 1.0), np.maximum(2.0 * share - 1.0, 0.0)
     way = [(slide * y, 0.0, 0.1e-3 - 0.2e-3 * d) for y, d in zip(along, down, strict=True)]
@@ -303,7 +303,7 @@ KERNELS = ("Haswell", "Prescott")  # of OpenBLAS, with and without fused multipl
 def test_two_blas_kernels_give_the_same_commands_for_a_plate_pressed_lightly():
     code = (
         "import json; from tests.unit.matching.test_lookup import pressed_lightly;"
-        "print(json.dumps(pressed_lightly(samples=119).tolist()))"
+        "print(json.dumps(pressed_lightly(samples=119, rows=1000).tolist()))"
     )
     children = [
         subprocess.Popen(

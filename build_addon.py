@@ -57,6 +57,9 @@ DOCS = {  # pages in core/, and how each is written
 }
 LEVELS = ("unit", "blender", "extension")
 LEVEL_LIMIT = 70 * 60  # [s] a level that takes longer hangs
+# Memory [bytes] from which glibc gives arrays back to the system at once, and at the end of the heap: a fiftieth to a
+# twentieth of the tests' processor time goes into pages that come again.
+KEPT_MEMORY = {"MALLOC_MMAP_THRESHOLD_": "32000000", "MALLOC_TRIM_THRESHOLD_": "256000000"}
 # Blender's undo can crash by itself (tests/blender/undo_defect.py): its tests have a process of their own, and so many
 # tries where Blender dies. A test that fails has failed.
 UNDO_TRIES = 3
@@ -500,7 +503,7 @@ def level_passed(
     command += ["--durations=25", "--durations-min=5"]  # what a person waits for
     if level == "blender":
         command += ["-m", "undo" if undo else "not undo"]
-    more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile")}
+    more = {"BLENDER_USER_RESOURCES": str(scratch / f"{level}-profile"), **KEPT_MEMORY}
     if level == "unit":
         more["PYTHONPATH"] = os.pathsep.join(map(str, (env.wheels, *beside(env, "dask", "sweep", "boards"))))
     if level == "extension":  # nothing of the source tree may be importable: the installed zip is on trial

@@ -117,7 +117,14 @@ def test_two_bakes_give_the_same_bytes() -> None:
 
 
 @pytest.mark.one_line("3.11", "the engine renders the same on both; other tests of this file run on both")
-@pytest.mark.parametrize("demo", [demo for demo in DEMOS if not demo.startswith("thimble")])  # see test_thimble_demo
+@pytest.mark.parametrize(
+    "demo",
+    [
+        pytest.param(demo, marks=[pytest.mark.long] * (demo == "motors complex"))  # all five others in one touch
+        for demo in DEMOS
+        if not demo.startswith("thimble")  # see test_thimble_demo
+    ],
+)
 def test_every_demo_bakes_without_a_warning(demo: str) -> None:
     choices.refresh()
     operator, given = DEMOS[demo]

@@ -1,6 +1,6 @@
 """A random walk through the add-on: operators, settings, undo, reloads, re-enabling. Nothing may fail or stay behind.
 
-Ten seconds by default, ten minutes with --long. A failure says the seed and the last steps; the same seed walks the
+Six seconds by default, ten minutes with --long. A failure says the seed and the last steps; the same seed walks the
 same way, however far the time lets it come.
 """
 
@@ -26,7 +26,7 @@ from blender_addon.viewport import shown
 
 from . import build
 
-SECONDS, LONG = 10.0, 600.0
+SECONDS, LONG = 6.0, 600.0
 # Other add-ons of Blender fail in handlers of theirs: Rigify does in some files after it was enabled once.
 OURS = [Path(blender_addon.__file__).parent, Path(__file__).resolve().parents[2] / "core"]
 DEVICES = ("haptip", "electrovibration", "pin_array_128", "thimble_3rrs", "cable_platform", "hexapod", "gone", "")

@@ -69,7 +69,7 @@ VERBS = [
 @pytest.mark.parametrize(("words", "made"), VERBS, ids=lambda v: v[0] + v[1] if isinstance(v, tuple) else None)
 def test_no_damaged_file_shows_a_traceback(words: tuple[str, ...], made: object, tmp_path: Path) -> None:
     statuses = set()
-    for i, data in enumerate(made(250 if made is tracks else 60)):  # type: ignore[operator]
+    for i, data in enumerate(made(125 if made is tracks else 30)):  # type: ignore[operator]
         path = tmp_path / f"{i}.file"
         path.write_bytes(data)
         arguments = [w.replace("FILE", str(path)).replace("OUT", str(tmp_path / "out")) for w in words]

@@ -101,7 +101,7 @@ def test_a_recording_of_one_run_is_cut_into_stretches_of_time_and_few_rows_will_
 
 
 @pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
-@pytest.mark.parametrize("unit", [1.0, 1000.0, -3e-5])
+@pytest.mark.parametrize("unit", [1.0, pytest.param(1000.0, marks=pytest.mark.long), -3e-5])
 def test_poses_come_back_in_any_unit_of_the_channels(tmp_path, unit, capsys):
     write_table(tmp_path / "table.npz", recording(unit))
     x = press(101, 40)

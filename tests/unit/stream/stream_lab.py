@@ -111,10 +111,10 @@ class Lab:
         return np.array(list(self.device.report()["values"].values()))
 
 
-def sine_track(path: Path) -> Path:
-    """Write five seconds of a slow sine on pulley 1, its double on pulley 2."""
+def sine_track(path: Path, seconds: float = 5.0) -> Path:
+    """Write a slow sine on pulley 1, its double on pulley 2."""
     spec = Library().device("haptip")
-    t = np.arange(5001) / 1000
+    t = np.arange(round(1000 * seconds) + 1) / 1000
     wave = 0.1 * np.sin(2 * np.pi * t)
     csv.write(CommandTrack(spec, t, np.column_stack([0 * t, 0 * t, wave, 2 * wave])), path)
     return path

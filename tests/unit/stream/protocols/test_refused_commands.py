@@ -19,7 +19,7 @@ from core.stream.protocols.refusals import Refusals
 from core.stream.virtual.faults import FaultyClock
 from core.work.child import command, environment
 from tests.unit.stream.stream_box import posix
-from tests.unit.stream.stream_lab import Lab
+from tests.unit.stream.stream_lab import Lab, sine_track
 
 pytestmark = pytest.mark.shared_tests("the board is simulated; senders that end run on both lines")
 
@@ -166,11 +166,12 @@ def test_refusals_without_a_reason_are_counted_told_and_no_command_is_timed_any_
 @posix
 @pytest.mark.real_time
 @pytest.mark.parametrize("fault", ["freeze=1.5", "jump=-1", "jump=0.5"])
-def test_play_does_not_end_with_0_and_no_word(fault: str, boxes: Any, track_file: Path) -> None:
+def test_play_does_not_end_with_0_and_no_word(fault: str, boxes: Any, tmp_path: Path) -> None:
+    """Clocks jump every second, or stand still after 1.5 s."""
     pytest.importorskip("serial", reason="pyserial IS NOT INSTALLED: no real port was tried")
-    box = boxes("pty", "native", "haptip", fault)
+    box, track = boxes("pty", "native", "haptip", fault), sine_track(tmp_path / "t.csv", 2.5)
     done = subprocess.run(
-        command("stream", "play", str(track_file), "--url", box.url, "--yes"),
+        command("stream", "play", str(track), "--url", box.url, "--yes"),
         env=environment(),
         capture_output=True,
         text=True,

@@ -222,7 +222,7 @@ def test_the_other_side_of_the_finger_answers_as_its_mirror_image():
     forces = []
     for side in (1.0, -1.0):
         own = replace(edge, sideways=side * edge.sideways)
-        [found] = Meshed(own, 1.0).cases(Edge(90.0), own.probes)
+        [found] = Meshed(own, 2.0).cases(Edge(90.0), own.probes)
         forces.append(found.force)
     np.testing.assert_allclose(forces[0], forces[1] * [-1.0, 1.0, 1.0], atol=2e-5 * forces[0][2])
 

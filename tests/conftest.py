@@ -29,7 +29,7 @@ LEFT = pytest.StashKey[list[str]]()  # the tests that the other line runs
 # Folders of tests/unit that hold equations: numbers in, numbers out, by numpy, scipy and the kernels.
 EQUATIONS = frozenset(
     "comparison contact design devices effects images kernels matching motion pipeline plot skin studies surface"
-    " surrogate".split()
+    " surrogate track".split()
 )
 PRESSURE = Path("/proc/pressure/cpu")
 

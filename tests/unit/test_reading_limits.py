@@ -23,6 +23,8 @@ from core.files import opened, read_bytes, write_npz
 from core.foreign import toml_of
 from core.npz import array_of, opened_npz, read_npz
 
+pytestmark = pytest.mark.shared_tests("words of refusals; each line tries half of them")
+
 ROOT = Path(core.__file__).parents[1]
 MAX_SECONDS, MAX_MEGABYTES = 1.0, 300.0
 CHILD = """

@@ -130,7 +130,7 @@ def test_the_trial_prints_every_exception_of_the_skin_that_was_asked_for(
     given["parameters"]["young"]["value"] = 0.5 * given["parameters"]["young"]["value"]
     (tmp_path / "skins" / "soft.json").write_text(json.dumps(given))
     folder, said = reported[0], []
-    for name, touches in (("index_medium", NAMES), ("soft", NAMES[:1])):
+    for name, touches in (("index_medium", NAMES[:3]), ("soft", NAMES[:1])):
         for module in (trial, verb):
             monkeypatch.setattr(module, "NAMES", touches)
         words = ("--trial", 1, "--table", folder / "table.npz", "--skin", name, "--presets", tmp_path, "--quiet")

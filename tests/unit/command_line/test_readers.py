@@ -27,6 +27,8 @@ from core.track.command_track import CommandTrack
 from tests import reader_examples as ex
 from tests.damage import Damager
 
+pytestmark = pytest.mark.shared_tests("words of refusals; each line damages files in half of them")
+
 
 def damaged(whole: list[bytes], count: int, seed: int) -> list[bytes]:
     damager = Damager(seed)

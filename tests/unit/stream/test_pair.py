@@ -20,6 +20,8 @@ from core.stream.protocols.sealed import KEY, HostSeals
 from tests.unit.stream.firmware_board import Board, servos
 from tests.unit.stream.firmware_host import HostBoard, WifiBoard, hosted
 
+pytestmark = pytest.mark.shared_tests("the board is simulated; senders that end run on both lines")
+
 
 @pytest.fixture
 def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

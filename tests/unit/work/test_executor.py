@@ -25,6 +25,8 @@ from core.work.executor import InlineExecutor, JobExecutor
 from core.work.processes import ProcessExecutor
 from tests.unit.work.jobs_lab import LINE, TABLE
 
+pytestmark = pytest.mark.shared_tests("each line starts processes in half of them")
+
 CORE = Path(core.__file__).parent
 posix = pytest.mark.skipif(sys.platform == "win32", reason="needs POSIX signals")
 

@@ -192,7 +192,7 @@ def test_a_leap_that_is_tried_and_taken_back_leaves_no_trace(pad, seed):
     rng, steps = np.random.default_rng(seed), SubStepper(PointSolver(pad), 6e-3)
     foot = np.array([0.0, 0.0, pad.cells.positions[:, 2].min()])
     count = int(rng.integers(1, 4))
-    for _ in range(6):
+    for _ in range(4):
         gone, turns = rng.random(count) < 0.25, Rotation.from_rotvec(0.3 * rng.normal(size=(count, 3))).as_matrix()
         places = foot + rng.normal(size=(count, 3)) * [2e-3, 2e-3, 1e-3] + [0.0, 0.0, 1e-3]
         things = [

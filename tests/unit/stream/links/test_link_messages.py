@@ -28,6 +28,8 @@ from core.work.child import command, environment
 from tests.unit.stream.stream_box import HAPTIP, Box, posix, ready
 from tests.unit.stream.stream_lab import sine_track
 
+pytestmark = pytest.mark.shared_tests("words of messages")
+
 
 def spied(path: Path | str) -> Transport:
     return open_link(Url(f"spy://loop://?file={path}"), lambda url: pytest.fail("no virtual device was asked for"))

@@ -23,6 +23,8 @@ from core.stream.log.csv_form import CsvForm
 from core.stream.log.files import SYNC, LogFiles
 from core.stream.log.row import Channel, Fate, LogHeader, Phase, Rows, file_rows, header_of
 
+pytestmark = pytest.mark.shared_tests("bytes of the log")
+
 HEADER = LogHeader(
     log="0123456789abcdef",
     started="2026-01-02T03:04:05.000006+00:00",

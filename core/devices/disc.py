@@ -23,6 +23,7 @@ Source: [S0] 3.1 (rigid disc on the skin), 3.4 and 5.1 (friction state); Alart a
 
 from __future__ import annotations
 
+import ctypes
 from ctypes import byref
 from dataclasses import replace
 
@@ -71,7 +72,6 @@ class DiscContact:
         self.law = None if points.law is None else DiscLaw(points.law, points.modulus, points.nodal)
         self._less: Array | None = None  # the correction c at the points, constant while poses are tried
         self.near: NDArray[np.intp] = np.zeros(0, np.intp)
-        self.choice = 0  # number of choices of candidates; while it stays the same, tables for the candidates are valid
         self.solved = self.fallbacks = 0
         self._places, self._gap = self.positions.copy(), np.empty(self.count)
         self._built: Array | None = None
@@ -206,26 +206,71 @@ class DiscContact:
         Raises:
             DermisError: a number is not finite.
         """
-        record, size, n = self._record, len(self.near), len(pose.spin)
+        record = self._armed(len(pose.spin), pose.turning, told, at, steps)
+        ahead = pose.x if at is None else pose.x - at
+        parts = pose.rotation.ravel(), pose.centre, pose.spin.ravel(), pose.shift.ravel(), ahead
+        placed = np.concatenate(parts)
+        record.pose = address(placed)
+        _done(kernels().press_disc(byref(record)), record)
+        return record
+
+    def _armed(self, n: int, turning: int, told: Array, at: Array | None, steps: int) -> records.DiscRecord:
+        """Return the record, complete but for a pose, with new arrays for the results.
+
+        Args:
+            n: number of values in a configuration.
+            turning: see `DiscPose.turning`.
+            told, at, steps: as for `_pressed`.
+        """
+        record, size = self._record, len(self.near)
         if record.count != size or record.freedoms != n:
             self._room = np.empty((60 + 3 * n + 18 * size) * size), np.empty(8 * size, np.int64)
             self._offset = np.empty((size, 3))
-            record.count, record.freedoms, record.turning = size, n, pose.turning
+            record.count, record.freedoms, record.turning = size, n, turning
             record.room, record.indices = address(self._room[0]), address(self._room[1])
             record.offset = address(self._offset)
-        self._out = out = np.empty((size, 3, 1 + n)), np.empty((size, 3)), np.empty(size, np.int8)
-        record.answer, record.moved, record.status = (address(array) for array in out)
-        ahead = pose.x if at is None else pose.x - at
-        parts = pose.rotation.ravel(), pose.centre, pose.spin.ravel(), pose.shift.ravel(), ahead
-        placed, told = np.concatenate(parts), np.ascontiguousarray(told)
-        record.pose, record.told, record.leading = address(placed), address(told), 0 if at is None else n
+        self._out = _results(size, n)
+        record.answer, record.moved, record.status = map(address, self._out)
+        told = np.ascontiguousarray(told)
+        record.told, record.leading = address(told), 0 if at is None else n
         if self._built is None:
             record.compliance = address(self._matrix)
         less = None if self._less is None else np.ascontiguousarray(self._less, np.float64)
         record.less = None if less is None else address(less)
         record.tolerance, record.most = TOLERANCE, steps
-        _done(kernels().press_disc(byref(record)), record)
+        self._given = told, less  # the record holds addresses only
         return record
+
+    def lend(self, search: records.SearchRecord) -> None:
+        """Give this contact to a search of the kernels, with arrays for the contact at its result.
+
+        The search continues from the last pose that was solved.
+        """
+        told, at = self._told
+        search.disc = ctypes.addressof(self._armed(3, 2, told, at, MAX_STEPS))
+        search.held = search.own = 0
+        search.at[:] = (0.0, 0.0, 0.0) if at is None else at.tolist()
+        self._lent = _results(len(self.near), 3)
+        search.answer, search.moved, search.status = map(address, self._lent)
+
+    def taken(self, search: records.SearchRecord) -> DiscSolution | None:
+        """Return the contact at the result of a search to which `lend` gave this contact.
+
+        The result is None if the search did not solve it.
+        """
+        self.solved += search.presses
+        if not search.held:
+            return None
+        answer, moved, status = self._lent
+        at = np.array(search.at)
+        self._told = answer, at
+        if not search.own:
+            return None
+        numbers = np.array(search.pose)
+        turn, spin, shift = (numbers[k : k + 9].reshape(3, 3) for k in (0, 12, 21))
+        pose, record = DiscPose(turn, numbers[9:12], spin, shift, at), self._record
+        how = record.residual, record.steps, "newton"
+        return DiscSolution(pose, self.near, answer, moved, status, *how, less=self._less)
 
     def _solved_otherwise(self, pose: DiscPose, start: Array) -> Solution:
         """Solve contact by Gauss-Seidel sweeps.
@@ -282,7 +327,6 @@ class DiscContact:
             near: indices of the candidates, shape (s,).
         """
         if near is not self.near and not np.array_equal(near, self.near):
-            self.choice += 1
             self._built = None
         self.near = near = np.ascontiguousarray(near)
         self._record.near = address(near)
@@ -307,6 +351,11 @@ class DiscContact:
             rows = _degrees(self.near)
             self._built = np.ascontiguousarray(self.compliance[np.ix_(rows, rows)])
         return self._built
+
+
+def _results(size: int, n: int) -> tuple[Array, Array, NDArray[np.int8]]:
+    """Return arrays for forces with their derivative, displacements, and status of `size` candidates."""
+    return np.empty((size, 3, 1 + n)), np.empty((size, 3)), np.empty(size, np.int8)
 
 
 def _done(status: int, record: records.DiscRecord | records.SettledRecord) -> None:

@@ -25,8 +25,9 @@ enum { DERMIS_ABI = 4 };
 enum {
     DERMIS_DONE = 0,
     DERMIS_BAD_RECORD = 1,   /* a count, a depth or an index has an impossible value */
-    DERMIS_NOT_FINITE = 2    /* a number is not finite, a coefficient is negative, or the square of a triangle's area is
+    DERMIS_NOT_FINITE = 2,   /* a number is not finite, a coefficient is negative, or the square of a triangle's area is
                                 zero or not finite; the record's field `wrong`, if there is one, is the index */
+    DERMIS_ASKS = 3          /* the caller has to compute something, and to call again with the same record */
 };
 
 /* Largest number of earlier pairs of sweeps from which `dermis_sweep` extrapolates. */
@@ -483,6 +484,69 @@ typedef struct {
     int64_t wrong;            /* out: index of the point that was refused */
 } dermis_settled;
 
+/* A thimble: a disc on three legs, see core/devices/linkage.py and thimble.py. */
+typedef struct {
+    double platform_radius, base_radius, crank, rod; /* [m] */
+    double servo_zero;       /* angle of a servo at neutral [rad] */
+    double bend, side;       /* 1 or -1, see core/devices/linkage.py */
+    double least;            /* least singularity margin */
+    double mount[12];        /* pose of the base in the finger's frame: rotation (3, 3), origin (3) [m] */
+} dermis_thimble;
+
+/* Why a search ended. BOUNDED: a step would leave the limits, so that the caller has to go on. See
+   core/matching/gauss_newton.py for all others. */
+enum {
+    DERMIS_LIMIT = 0,
+    DERMIS_OPTIMAL = 1,
+    DERMIS_GAIN = 2,
+    DERMIS_FORESEEN = 3,
+    DERMIS_STALLED = 4,
+    DERMIS_STEP = 5,
+    DERMIS_EXACT = 6,
+    DERMIS_BOUNDED = 7
+};
+
+/* A search for the pose of a thimble's disc whose stimulus is nearest to a target, see `search.c`.
+
+   A configuration has three values: pitch, roll [rad] and distance [m]. `values` are a stimulus, and its derivative
+   with respect to each value of the configuration. */
+typedef struct {
+    const dermis_thimble *thimble;
+    dermis_disc *disc;       /* contact that gives the stimulus, see `dermis_press_disc`; null: the caller gives it */
+    int64_t size;            /* number k of components of a stimulus */
+    const double *observation; /* stimulus for unit forces on the points of the disc's contact (points, 3, k) */
+    double optimal, small_step, exact, small_gain, hardly, later, least_reach, nearly, shortest, longest, armijo, damping;
+                             /* see core/matching/gauss_newton.py */
+    int64_t most_steps, most_evaluations;
+    const double *target;    /* (k) */
+    const double *low, *high; /* least and greatest angles of the servos from neutral (3) [rad] */
+    const double *before;    /* target of an earlier search that ended at `x` (k); null: there was none */
+    const double *slope;     /* derivative of the stimulus there (3, k) */
+    int64_t follows;         /* 1: another search will start from the result */
+    double foreseen;         /* a step that promises a smaller share of the cost is taken without an evaluation */
+    int64_t phase;           /* 0 at the first call; the search itself goes on to 1 and 2 */
+    int64_t held;            /* out: 1 if `answer`, `moved`, `status` and `pose` are those of `disc` at `at` */
+    int64_t own;             /* out: 1 if `at` is also `x` */
+    double x[3];             /* in: start, or where an earlier search ended; out: result */
+    double at[3];            /* configuration to which `told` of the disc belongs; out: at which it last touched */
+    double trial[3];         /* out, when asked: the configuration whose `trial_values` the caller has to compute */
+    double *values;          /* out: at `x` (4, k) */
+    double *trial_values;    /* in, when asked: at `trial` (4, k) */
+    double *answer, *moved;  /* out: as in `dermis_disc` */
+    int8_t *status;          /* out: as in `dermis_disc` */
+    double pose[33];         /* out: as in `dermis_disc` */
+    double room[7];          /* out: distance from each limit at `x`, see core/devices/thimble.py */
+    double trial_room[7];
+    double angles[3];        /* out: of the servos at `x`, from neutral [rad] */
+    double trial_angles[3];
+    double reach;            /* share of a full step that minimises the cost, as the last step tells; in: of an earlier search */
+    double start_cost, cost, kkt; /* out, see core/matching/gauss_newton.py */
+    int64_t iterations, evaluations; /* out: numbers of steps and of evaluations */
+    int64_t presses;         /* out: number of evaluations by the disc's contact */
+    int64_t why;             /* out: why the search ended */
+    double gram[16], way[3], length, descent, share, goal; /* of the step that is tried */
+} dermis_search;
+
 /* Sort the triangles of a tree, `order`, into slots, so that neighbours share leaves. */
 DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
 
@@ -549,6 +613,9 @@ DERMIS_API int32_t dermis_press_disc(dermis_disc *disc);
 /* Renew the state of friction after a step of a disc: a sticking point keeps its anchor, any other point gets a new one
    at its own place. */
 DERMIS_API int32_t dermis_settle_disc(dermis_settled *step);
+
+/* Search for a pose, until the search ends or the caller has to compute a stimulus. */
+DERMIS_API int32_t dermis_descend(dermis_search *search);
 
 /* Return 1 if this processor and its operating system support AVX2, else 0. */
 DERMIS_API int32_t dermis_has_avx2(void);

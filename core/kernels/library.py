@@ -32,7 +32,7 @@ REMEDY = (
 class Kernels:
     """Functions of a library that fits this engine.
 
-    Each function takes one record and returns `DONE` or `NOT_FINITE`; an error tells of a damaged record.
+    Each function takes one record and returns `DONE`, `NOT_FINITE` or `ASKS`; an error tells of a damaged record.
 
     Args:
         path: path of the library.
@@ -64,6 +64,7 @@ class Kernels:
             self.expect, self.offset = library.dermis_expect, library.dermis_offset
             self.foresee, self.keep, self.drift = library.dermis_foresee, library.dermis_keep, library.dermis_drift
             self.press_disc, self.settle_disc = library.dermis_press_disc, library.dermis_settle_disc
+            self.descend = library.dermis_descend
             self.avx2 = int(library.dermis_has_avx2())
             own = library.dermis_sources(), library.dermis_layout()
             found = [bytes(told).decode("ascii", "replace") for told in own]

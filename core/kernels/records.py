@@ -15,7 +15,7 @@ from . import building
 
 HEADER = building.declared()
 ROW, LANES, BOXES, POSE, KEPT = (HEADER.constants[name] for name in ("ROW", "LANES", "BOXES", "POSE", "KEPT"))
-DONE, BAD_RECORD, NOT_FINITE = (HEADER.constants[name] for name in ("DONE", "BAD_RECORD", "NOT_FINITE"))
+DONE, BAD_RECORD, NOT_FINITE, ASKS = (HEADER.constants[name] for name in ("DONE", "BAD_RECORD", "NOT_FINITE", "ASKS"))
 RECORDS: dict[str, type[ctypes.Structure]] = {}  # by their names in C without the prefix 'dermis_'
 _data: Any = (ctypes.c_char * 0).from_buffer  # a fifth of the time of NumPy's `__array_interface__`
 
@@ -142,3 +142,13 @@ class DiscRecord(ctypes.Structure):
 @_declared
 class SettledRecord(ctypes.Structure):
     """`dermis_settled`."""
+
+
+@_declared
+class ThimbleRecord(ctypes.Structure):
+    """`dermis_thimble`."""
+
+
+@_declared
+class SearchRecord(ctypes.Structure):
+    """`dermis_search`."""

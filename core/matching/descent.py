@@ -1,23 +1,29 @@
 """Gauss-Newton search for a thimble's pose while no servo limit is active.
 
-The steps are those of `gauss_newton.minimise` without constraints. One search takes a few tenths of a millisecond. At
-that speed NumPy's overhead for arrays of three elements exceeds the cost of their arithmetic. The normal equations of
-the three unknowns, bordered by the residual, are therefore a 4 x 4 matrix of Python floats, see `_gram`. If a trial
-point violates a limit, `minimise` continues from the current point.
+The steps are those of `gauss_newton.minimise` without constraints. They are compiled (`core/kernels/search.c`), together
+with the kinematics of the linkage and the contact of the disc. If a trial point violates a limit, `minimise` continues
+from the current point.
 
 Source: [S0] 5.2, without active constraints
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
+import ctypes
+from ctypes import byref
+from dataclasses import fields, replace
 
 import numpy as np
 
 from ..arrays import Array
 from ..devices.disc_device import DiscDevice, scale_of
-from ..devices.thimble import Thimble
+from ..devices.linkage import Linkage
+from ..devices.thimble import MIN_MARGIN, Thimble
+from ..errors import DermisError
+from ..kernels import records
+from ..kernels.library import kernels
+from ..kernels.records import address
+from ..surrogate.forward import DirectModel
 from .box_descent import descend_in_box
 from .gauss_newton import (
     ARMIJO,
@@ -25,6 +31,7 @@ from .gauss_newton import (
     EXACT,
     HARDLY,
     LATER,
+    LEAST_REACH,
     LONGEST,
     MAX_EVALUATIONS,
     MAX_ITERATIONS,
@@ -37,213 +44,140 @@ from .gauss_newton import (
     Minimum,
     ServoLimits,
     minimise,
-    promised,
-    reach_of,
-    shorter,
 )
 
+# names of the reasons for the end of a search, see `Minimum.why`, by the numbers of the kernels
+_WHY = {
+    records.HEADER.constants[name.upper()]: name
+    for name in ("limit", "optimal", "gain", "foreseen", "stalled", "step", "exact")
+}
 
-def descend(
-    evaluate: Evaluate,
-    target: Array,
-    start: Array,
-    device: DiscDevice,
-    limits: ServoLimits | None = None,
-    reach: float = 1.0,
-    foreseen: float = 0.0,
-    follows: bool = False,
-) -> Minimum:
-    """Find the configuration whose stimulus is nearest to a target.
+
+class Descent:
+    """Search for the configuration whose stimulus is nearest to a target.
 
     For a device other than a thimble, `descend_in_box` does the search, without `foreseen` and `follows`.
 
     Args:
-        evaluate: function that returns the stimulus, shape (k,), and its derivative, shape (k, n), of a configuration.
-        target: stimulus to approximate, shape (k,).
-        start: configuration to start from, shape (n,).
         device: the device, which decides between the two methods.
-        limits: limits of the servos; None for their whole range.
-        reach: `Minimum.reach` of an earlier search for a similar target.
-        foreseen: share of the cost. A step that promises no larger reduction is accepted without an evaluation of the
-            model. The search ends there, with the stimulus and the cost that the linearised model predicts.
-        follows: whether the next frame is searched from this result. Then every step after the first is tried only if
-            it promises to lower the cost by more than the share `LATER`, instead of the smaller `HARDLY`. The first
-            step of the next search makes up for the steps left out.
-
-    Raises:
-        DermisError: the start is outside the limits.
+        model: model that is evaluated by the kernels; None evaluates any model by its function.
     """
-    if not isinstance(device, Thimble):
-        return descend_in_box(evaluate, target, start, device, limits, reach=reach)
-    limits = limits or ServoLimits.of(device)
-    low, high = limits.low.tolist(), limits.high.tolist()
-    size, radius = len(target), device.platform_radius
-    pitch, roll, distance = start.tolist()
-    room = device.room(pitch, roll, distance, low, high)
-    if room is None:
-        return minimise(evaluate, target, start, device, limits)  # it raises the error, or handles an active limit
-    both = np.empty((size, 4))
-    x = np.array(start, np.float64)
-    stimulus, jacobian = evaluate(x)
-    gram = _gram(both, stimulus, jacobian, target, radius)
-    cost = start_cost = 0.5 * gram[3][3]
-    exact = EXACT**2 * float(target @ target)
-    evaluations, iterations, why = 1, 0, "limit"
-    while True:
-        gradient, weight = gram[3][:3], (gram[0][0] + gram[1][1] + gram[2][2]) * gram[3][3]
-        left = math.sqrt(gradient[0] ** 2 + gradient[1] ** 2 + gradient[2] ** 2)
-        kkt = left / math.sqrt(weight) if weight > 0.0 else 0.0
-        if 2.0 * cost <= exact:
-            break
-        if kkt <= OPTIMAL:
-            why = "optimal"
-            break
-        if iterations >= MAX_ITERATIONS or evaluations >= MAX_EVALUATIONS:
-            break
-        step = _step(gram)
-        if step is None:
-            break
-        step_length = math.sqrt(step[0] ** 2 + step[1] ** 2 + step[2] ** 2)
-        if step_length > LONGEST:
-            step = [s * (LONGEST / step_length) for s in step]
-        descent = -(gradient[0] * step[0] + gradient[1] * step[1] + gradient[2] * step[2])
-        hardly = (LATER if follows and evaluations > 1 else HARDLY) * cost
-        if 0.5 * reach * descent <= hardly:
-            why = "gain"
-            break
-        share, found = reach if reach < NEARLY else 1.0, False
-        at = (pitch + share * step[0], roll + share * step[1], distance + share * radius * step[2])
-        new_room = device.room(*at, low, high)
-        if new_room is not None and 0.5 * reach * descent <= foreseen * cost:
-            x, room = np.array(at), new_room
-            stimulus = stimulus + both[:, :3] @ (share * np.array(step))
-            cost -= share * (1.0 - 0.5 * share) * descent
-            iterations, why = iterations + 1, "foreseen"
-            break
-        while share >= SHORTEST:
-            if new_room is None:
-                more = minimise(evaluate, target, x, device, limits)
-                return _after(more, start_cost, iterations, evaluations)
-            trial = np.array(at)
-            new_stimulus, new_jacobian = evaluate(trial)
-            evaluations += 1
-            new_gram = _gram(both, new_stimulus, new_jacobian, target, radius)
-            new_cost = 0.5 * new_gram[3][3]
-            reach = reach_of(share, cost, new_cost, descent)
-            # A pose without contact has no gradient that would lead back to contact, so it is never accepted.
-            slope = new_gram[0][0] + new_gram[1][1] + new_gram[2][2]
-            if new_cost <= cost - share * ARMIJO * max(descent, 0.0) and new_cost < cost and slope > 0.0:
-                found = True
-                break
-            if share * step_length < SMALL_STEP or evaluations >= MAX_EVALUATIONS:
-                break
-            if follows:
-                hardly = LATER * cost
-            if promised(share, cost, new_cost, descent) <= hardly:
-                why = "gain"
-                break
-            share *= shorter(share, cost, new_cost, descent)
-            at = (pitch + share * step[0], roll + share * step[1], distance + share * radius * step[2])
-            new_room = device.room(*at, low, high)
-        iterations += 1
-        if not found or new_room is None:
-            if why != "gain":
-                why = "step" if step_length <= SMALL_STEP else "limit" if evaluations >= MAX_EVALUATIONS else "stalled"
-            break
-        moved, gained = share * min(step_length, LONGEST), 1.0 - new_cost / cost
-        (pitch, roll, distance), x, room, gram, cost = at, trial, new_room, new_gram, new_cost
-        stimulus, jacobian = new_stimulus, new_jacobian
-        if moved <= SMALL_STEP or gained <= SMALL_GAIN:
-            why = "step" if moved <= SMALL_STEP else "gain"
-            break
-    if 2.0 * cost <= exact:
-        why, kkt = "exact", EXACT * math.sqrt(2.0 * cost / exact) if exact > 0.0 else 0.0
-    return Minimum(
-        x,
-        stimulus,
-        stimulus - target,
-        start_cost,
-        cost,
-        kkt,
-        (),
-        np.zeros(0),
-        np.array(room),
-        iterations,
-        evaluations,
-        why,
-        reach,
-        jacobian,
-    )
 
+    def __init__(self, device: DiscDevice, model: DirectModel | None = None) -> None:
+        self.device, self.model = device, model
+        if not isinstance(device, Thimble):
+            return
+        mount = device.mount[:3, :3].ravel().tolist() + device.mount[:3, 3].tolist()
+        links = {field.name: getattr(device, field.name) for field in fields(Linkage)}
+        self._thimble = records.ThimbleRecord(**links, least=MIN_MARGIN, mount=tuple(mount))
+        self._blank = records.SearchRecord(
+            thimble=ctypes.addressof(self._thimble),
+            optimal=OPTIMAL,
+            small_step=SMALL_STEP,
+            exact=EXACT,
+            small_gain=SMALL_GAIN,
+            hardly=HARDLY,
+            later=LATER,
+            least_reach=LEAST_REACH,
+            nearly=NEARLY,
+            shortest=SHORTEST,
+            longest=LONGEST,
+            armijo=ARMIJO,
+            damping=DAMPING,
+            most_steps=MAX_ITERATIONS,
+            most_evaluations=MAX_EVALUATIONS,
+        )
 
-def response(jacobian: Array, before: Array, target: Array, device: DiscDevice) -> Array:
-    """Predict the change of a configuration for a change of the target.
+    def __call__(
+        self,
+        evaluate: Evaluate,
+        target: Array,
+        start: Array,
+        limits: ServoLimits | None = None,
+        reach: float = 1.0,
+        foreseen: float = 0.0,
+        follows: bool = False,
+        told: tuple[Array, Array] | None = None,
+    ) -> Minimum:
+        """Search from a configuration.
 
-    The prediction is one Gauss-Newton step.
+        Args:
+            evaluate: function that returns the stimulus, shape (k,), and its derivative, shape (k, n), of a
+                configuration. It is called where the kernels cannot evaluate `model`.
+            target: stimulus to approximate, shape (k,).
+            start: configuration to start from, shape (n,).
+            limits: limits of the servos; None for their whole range.
+            reach: `Minimum.reach` of an earlier search for a similar target.
+            foreseen: share of the cost. A step that promises no larger reduction is accepted without an evaluation of
+                the model. The search ends there, with the stimulus and the cost that the linearised model predicts.
+            follows: whether the next frame is searched from this result. Then every step after the first is tried only
+                if it promises to lower the cost by more than the share `LATER`, instead of the smaller `HARDLY`. The
+                first step of the next search makes up for the steps left out.
+            told: target of an earlier search that ended at `start`, shape (k,), and the derivative there, shape (k, n).
+                The search then starts from the configuration that one Gauss-Newton step predicts for the change of the
+                target, unless it is outside the limits or the step is longer than `LONGEST`. To first order the
+                residual there equals that at the end of the earlier search. So the first evaluation is close to the
+                solution, and most points that slip in the solution already slip there.
 
-    Args:
-        jacobian: derivative of the stimulus at the configuration, shape (k, n).
-        before, target: the previous and the current target, shape (k,).
-        device: the device, for the scale of a configuration's values.
+        Raises:
+            DermisError: the start is outside the limits, or the model is not finite.
+        """
+        device, limits = self.device, limits or ServoLimits.of(self.device)
+        if not isinstance(device, Thimble):
+            start = start if told is None else self._ahead(start, target, limits, *told)
+            return descend_in_box(evaluate, target, start, device, limits, reach=reach)
+        search, size = records.SearchRecord.from_buffer_copy(self._blank), len(target)
+        values, trial = np.empty((2, 4, size))
+        given = [np.ascontiguousarray(part, np.float64) for part in (target, limits.low, limits.high)]
+        search.size, search.reach, search.foreseen, search.follows = size, reach, foreseen, follows
+        search.target, search.low, search.high = map(address, given)
+        search.values, search.trial_values = address(values), address(trial)
+        search.x[:] = start.tolist()
+        if told is not None:
+            earlier = [np.ascontiguousarray(part, np.float64) for part in (told[0], told[1].T)]
+            search.before, search.slope = map(address, earlier)
+        if self.model is not None:
+            self.model.lend(search)
+        while (status := kernels().descend(byref(search))) == records.ASKS:
+            stimulus, jacobian = evaluate(np.array(search.trial))
+            trial[0], trial[1:] = stimulus, jacobian.T
+            if self.model is not None:
+                self.model.lend(search)
+        if status == records.NOT_FINITE:
+            raise DermisError("the stimulus of a pose is not finite", where="thimble", value=list(search.trial))
+        x, stimulus = np.array(search.x), values[0]
+        if self.model is not None:
+            self.model.take(search, x, stimulus)
+        if search.why not in _WHY:  # a limit is met, or the start is outside the limits, which is an error
+            more = minimise(evaluate, target, x, device, limits)
+            if not search.evaluations:
+                return more
+            counts = more.iterations + search.iterations, more.evaluations + search.evaluations
+            return replace(more, start_cost=search.start_cost, iterations=counts[0], evaluations=counts[1])
+        return Minimum(
+            x,
+            stimulus,
+            stimulus - target,
+            search.start_cost,
+            search.cost,
+            search.kkt,
+            (),
+            np.zeros(0),
+            np.array(search.room),
+            search.iterations,
+            search.evaluations,
+            _WHY[search.why],
+            search.reach,
+            values[1:].T,
+        )
 
-    Returns:
-        Change of the configuration, shape (n,). It is zero if the step is longer than `LONGEST`: the linearisation does
-        not hold over such a step.
-    """
-    scale = scale_of(device)
-    if isinstance(device, Thimble):
-        gram = _gram(np.empty((len(target), 4)), before, jacobian, target, device.platform_radius)
-        step = np.array(_step(gram) or (0.0, 0.0, 0.0))
-    else:
+    def _ahead(self, start: Array, target: Array, limits: ServoLimits, before: Array, jacobian: Array) -> Array:
+        """Return the start of a search that continues an earlier one, see `told`."""
+        scale = scale_of(self.device)
         scaled = jacobian * scale
         normal = scaled.T @ scaled
         normal.flat[:: len(normal) + 1] += DAMPING * max(float(normal.max()), 1e-300)
         step = np.linalg.solve(normal, scaled.T @ (target - before))
-    out: Array = scale * step if float(step @ step) <= LONGEST**2 else np.zeros_like(scale)
-    return out
-
-
-def _gram(both: Array, stimulus: Array, jacobian: Array, target: Array, radius: float) -> list[list[float]]:
-    """Return B'B for B = (J S, r) as rows of Python floats.
-
-    Args:
-        both: buffer for B, shape (k, 4).
-        stimulus, jacobian: of a configuration, shapes (k,) and (k, 3).
-        target: stimulus to approximate, shape (k,); r is the stimulus minus the target.
-        radius: the platform's radius [m], by which S scales the derivative with respect to the distance.
-    """
-    both[:, :3] = jacobian
-    both[:, 2] *= radius
-    np.subtract(stimulus, target, out=both[:, 3])
-    return (both.T @ both).tolist()
-
-
-def _step(gram: list[list[float]]) -> list[float] | None:
-    """Return the damped Gauss-Newton step -(J'J + D)^-1 J'r.
-
-    The result is None if J is zero.
-    """
-    (a, b, c, u), (_, d, e, v), (_, _, f, w), _ = gram
-    more = DAMPING * max(a, d, f)
-    if more <= 0.0:
-        return None
-    a, d, f = a + more, d + more, f + more
-    # Cholesky factorisation of a symmetric 3 x 3 matrix; the damping keeps it positive definite
-    l11 = math.sqrt(a)
-    l21, l31 = b / l11, c / l11
-    l22 = math.sqrt(max(d - l21 * l21, more))
-    l32 = (e - l31 * l21) / l22
-    l33 = math.sqrt(max(f - l31 * l31 - l32 * l32, more))
-    y1 = -u / l11
-    y2 = (-v - l21 * y1) / l22
-    y3 = (-w - l31 * y1 - l32 * y2) / l33
-    s3 = y3 / l33
-    s2 = (y2 - l32 * s3) / l22
-    return [(y1 - l21 * s2 - l31 * s3) / l11, s2, s3]
-
-
-def _after(more: Minimum, start_cost: float, iterations: int, evaluations: int) -> Minimum:
-    """Add earlier iterations and evaluations to a minimum of `minimise`."""
-    return replace(
-        more, start_cost=start_cost, iterations=more.iterations + iterations, evaluations=more.evaluations + evaluations
-    )
+        ahead: Array = start + scale * step
+        near = float(step @ step) <= LONGEST**2 and self.device.holds(ahead, limits.low, limits.high)
+        return ahead if near else start

@@ -27,7 +27,7 @@ from ..errors import DermisError
 from ..skin.observation import Observer
 from ..skin.stimulus import Stimulus
 from ..surrogate.forward import DirectModel, ForwardModel
-from .descent import descend, response
+from .descent import Descent
 from .gauss_newton import GIVES_WAY, SMALL_STEP, Minimum, ServoLimits
 from .onset import AHEAD, FAINT, FIRST_STARTS, SIDES, best_side
 from .thimble_use import HOVER
@@ -162,6 +162,7 @@ class StressMatcher:
                 where="thimble",
                 value=f"{self.model.size} and {self.direct.size}",
             )
+        self._by_contact, self._by_model = Descent(device, self.direct), Descent(device)
         self.limits = ServoLimits.of(device)
         self.rest_x = self._start_at(0.0, 0.0, -hover)
         self.table = warm_start_table(device, contact, self.model) if table is None else table
@@ -281,15 +282,15 @@ class StressMatcher:
         alike = self.table.direction @ target / size
         nearest = int(alike.argmax())
         promised = size * float(np.sqrt(max(1.0 - alike[nearest] ** 2, 0.0)))
-        start, foreseen = self._ahead(target, limits), 0.0 if self.model is self.direct else self._foreseen
-        best = descend(self.model.evaluate, target, start, self.device, limits, self._reach, foreseen, follows=True)
+        foreseen = 0.0 if self.model is self.direct else self._foreseen
+        best = self._descended(target, self.x, limits, self._reach, foreseen, True, self._told)
         self._wait = max(self._wait - 1, 0)
         if self._goal is None and (promised >= PROMISE * best.mismatch or self._wait > 0):
             return best
         goal = self._goal
         if goal is None:
             goal = self.table.configuration(nearest, size * float(alike[nearest]))
-        other = descend(self.model.evaluate, target, self._within(goal, self.limits), self.device, self.limits)
+        other = self._descended(target, self._within(goal, self.limits), self.limits)
         self._goal = None
         if other.cost < (1.0 - WORTHWHILE) * best.cost:
             best, self._patience = self._toward(other, target, limits), 1
@@ -298,13 +299,18 @@ class StressMatcher:
             self._wait = self._patience
         return best
 
+    def _descended(self, target: Array, start: Array, limits: ServoLimits, *how: Any) -> Minimum:
+        """Search from a configuration with the present model; arguments as for `Descent`."""
+        descent = self._by_contact if self.model is self.direct else self._by_model
+        return descent(self.model.evaluate, target, start, limits, *how)
+
     def _begun(self, target: Array, limits: ServoLimits) -> Minimum:
         """Search at a new contact from several poses; for a faint touch, compare the results by a stronger target."""
         self._goal, self._patience = None, 1
         growth = self._usual / float(np.sqrt(target @ target))
 
         def search(start: Array) -> Minimum:
-            return descend(self.model.evaluate, target, self._within(start, limits), self.device, limits)
+            return self._descended(target, self._within(start, limits), limits)
 
         def ahead(side: Minimum) -> float:
             return self._left_of(growth * target, side)
@@ -319,14 +325,14 @@ class StressMatcher:
         """Return the cost of the next frame's search for a target, if contact begins at the pose of `side`."""
         self.model.hold(self.state)
         self.model.hold(self.contact.settle(self._contact_at(side.x)))
-        return descend(self.model.evaluate, target, side.x, self.device, self.limits).cost
+        return self._descended(target, side.x, self.limits).cost
 
     def _started(self, start: Array, target: Array, limits: ServoLimits) -> Minimum:
         """Search from a configuration, wherever the device is now."""
         self.model.hold(self.state)
         self._goal = None
         start = self._within(start, self.limits)
-        return self._toward(descend(self.model.evaluate, target, start, self.device, self.limits), target, limits)
+        return self._toward(self._descended(target, start, self.limits), target, limits)
 
     def _toward(self, goal: Minimum, target: Array, limits: ServoLimits) -> Minimum:
         """Return `goal`, or the farthest pose on the way to it, if the servos do not reach it within one frame."""
@@ -357,18 +363,6 @@ class StressMatcher:
             1.0,
             jacobian,
         )
-
-    def _ahead(self, target: Array, limits: ServoLimits) -> Array:
-        """Return a predicted start: the Jacobian of the last search compensates for the change of the target.
-
-        To first order the residual there equals that at the end of the last search. So the first evaluation is close to
-        the solution, and most points that slip in the solution already slip there.
-        """
-        if self._told is None:
-            return self.x
-        before, jacobian = self._told
-        ahead: Array = self.x + response(jacobian, before, target, self.device)
-        return ahead if self._allowed(ahead, limits) else self.x
 
     def _expected(self) -> Array:
         """Extrapolate the difference between law and model from the last two frames."""
@@ -409,7 +403,7 @@ class StressMatcher:
                     return best
                 if solution.settled:
                     before, start, expected = solution.law, minimum.x, found.beyond
-                    minimum = descend(self.model.evaluate, target - expected, start, self.device, limits)
+                    minimum = self._descended(target - expected, start, limits)
                     continue
             # the residual by the law is not below the best so far, or the law did not converge: take a part of the step
             way = minimum.x - start

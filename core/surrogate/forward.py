@@ -14,6 +14,8 @@ from ..devices.disc import DiscContact
 from ..devices.disc_device import DiscDevice
 from ..devices.disc_pose import DiscSolution, FrictionState, placed
 from ..errors import DermisError
+from ..kernels import records
+from ..kernels.records import address
 from ..skin.observation import Observer
 from ..skin.stimulus import Stimulus
 
@@ -77,10 +79,10 @@ class DirectModel:
             )
         self.device, self.contact = device, contact
         self.observation_matrix = np.ascontiguousarray(matrix, np.float64)
-        self._chosen = -1
-        nodal = contact.points.nodal
+        nodal, k = contact.points.nodal, len(matrix)
         self._of_points = self.observation_matrix if nodal is None else self.observation_matrix @ nodal
-        self._columns = self._of_points[:, :0]
+        # stimulus for unit forces on each point, shape (points, 3, k)
+        self._by_force = np.ascontiguousarray(self._of_points.T).reshape(-1, 3, k)
         self._last: tuple[bytes, DiscSolution] | None = None
         self._told: tuple[DiscSolution, Array] | None = None
         self._felt: tuple[DiscSolution, Stimulus] | None = None
@@ -98,13 +100,26 @@ class DirectModel:
     def evaluate(self, x: Array) -> tuple[Array, Array]:
         """Return the stimulus and its derivative, computed on linear skin."""
         found = self.solution(x)
-        if self._chosen != self.contact.choice:
-            columns = (3 * found.near[:, None] + np.arange(3)).ravel()
-            self._columns = np.ascontiguousarray(self._of_points[:, columns])
-            self._chosen = self.contact.choice
-        answer = self._columns @ found.answer.reshape(-1, found.answer.shape[2])
+        by_force = self._by_force[found.near].reshape(-1, self.size)
+        answer = by_force.T @ found.answer.reshape(len(by_force), -1)
         self._told = found, answer[:, 0]
         return answer[:, 0], answer[:, 1:]
+
+    def lend(self, search: records.SearchRecord) -> None:
+        """Let a search of the kernels evaluate this model, see `DiscContact.lend`."""
+        self.contact.lend(search)
+        search.observation = address(self._by_force)
+
+    def take(self, search: records.SearchRecord, x: Array, stimulus: Array) -> None:
+        """Keep the contact at the result of such a search.
+
+        Args:
+            search: the search.
+            x: its result, shape (n,). stimulus: stimulus there, shape (k,).
+        """
+        found = self.contact.taken(search)
+        if found is not None:
+            self._last, self._told = (x.tobytes(), found), (found, stimulus)
 
     def linear(self, solution: DiscSolution) -> Array:
         """Return the stimulus of a contact's forces on linear skin, shape (k,)."""

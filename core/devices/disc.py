@@ -289,8 +289,16 @@ class DiscContact:
 
     def nodal(self, solution: DiscSolution) -> Array:
         """Return the forces on the nodes of the skin's mesh [N], shape (m, 3)."""
-        force, spread = solution.spread(self.count), self.points.spread
-        return force if spread is None else np.asarray(spread @ force.ravel()).reshape(-1, 3)
+        return self.nodal_forces([solution])[0]
+
+    def nodal_forces(self, solutions: list[DiscSolution]) -> Array:
+        """Return the forces of contacts on the nodes of the skin's mesh [N], shape (n, m, 3)."""
+        forces, spread = np.zeros((len(solutions), self.count, 3)), self.points.spread
+        for force, solution in zip(forces, solutions, strict=True):
+            force[solution.near] = solution.force
+        if spread is None:
+            return forces
+        return np.ascontiguousarray((spread @ forces.reshape(len(forces), -1).T).T).reshape(len(forces), -1, 3)
 
     def settle(self, solution: DiscSolution) -> FrictionState:
         """Return the friction state after a step that ended with a solution.

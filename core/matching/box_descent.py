@@ -135,6 +135,7 @@ def descend_in_box(
     room = limits.constraints(device, x)[0]
     return Minimum(
         x,
+        device.joints(x)[0],
         stimulus,
         residual,
         start_cost,

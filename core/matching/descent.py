@@ -156,6 +156,7 @@ class Descent:
             return replace(more, start_cost=search.start_cost, iterations=counts[0], evaluations=counts[1])
         return Minimum(
             x,
+            np.array(search.angles),
             stimulus,
             stimulus - target,
             search.start_cost,

@@ -57,6 +57,7 @@ class Minimum:
 
     Attributes:
         x: configuration (pitch, roll, distance), shape (3,).
+        joints: values of the joints there, from neutral [rad or m], shape (3,).
         stimulus: stimulus at x, shape (k,).
         residual: stimulus minus target, shape (k,).
         start_cost, cost: half the squared mismatch at the start and at the end.
@@ -81,6 +82,7 @@ class Minimum:
     """
 
     x: Array
+    joints: Array
     stimulus: Array
     residual: Array
     start_cost: float
@@ -229,6 +231,7 @@ def minimise(
         why, kkt = "exact", left
     return Minimum(
         x,
+        limits.high - room[:3],
         stimulus,
         residual,
         start_cost,

@@ -105,6 +105,7 @@ class RecordedMatcher(StressMatcher):
         return replace(
             found,
             x=x,
+            joints=self._angles(x),
             stimulus=stimulus,
             residual=residual,
             start_cost=cost,

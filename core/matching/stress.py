@@ -69,7 +69,7 @@ class ThimbleFrame:
         unsettled: 0 unless one of two things happened. All evaluations of the law were used up: then it is the error
             of the last predicted stimulus, relative to the target. The law did not converge at `x`: then it is at least
             1.
-        felt: state of the whole skin under the disc; None if the matcher has no observer of the skin.
+        felt: state of the whole skin under the disc, by its law; None on linear skin or without an observer of the skin.
         stress_error: error of the whole stress, relative to the target's. The matcher leaves it 0; `Follower` sets it.
     """
 
@@ -232,9 +232,10 @@ class StressMatcher:
                 if self.model is not self.direct and self._mistrusted(found, size):
                     found = self._rescued(target, limits, found)
             solution, stimulus = found.solution, found.stimulus
-            x = found.minimum.x
+            x, angles = found.minimum.x, found.minimum.joints
         else:
             x, self._goal = self._retracted(limits), None
+            angles = self._angles(x)
             solution, stimulus = self._held_at(x)
         self._settle(solution)
         miss = stimulus - target
@@ -245,8 +246,10 @@ class StressMatcher:
         self._beyond = None
         if found is not None and searched and self.contact.law is not None and self._pressed:
             self._beyond = found.beyond, found.beyond if before is None else before
-        self.x, self.angles = x, self._angles(x)
-        made = None if self.direct.observer is None else self.direct.felt(self.direct.observer, solution)
+        self.x, self.angles = x, angles
+        made = None
+        if self.contact.law is not None and self.direct.observer is not None:
+            made = self.direct.felt(self.direct.observer, solution)
         astray = 1.0 if solution.touching and not solution.settled else 0.0
         if found is None:
             return ThimbleFrame(x, self.angles, stimulus, 0.0, solution, None, unsettled=astray, felt=made)
@@ -349,6 +352,7 @@ class StressMatcher:
         slowest = (int(ends.argmin()),)  # the active constraint is the joints' speed; the pose is not optimal
         return Minimum(
             x,
+            self._angles(x),
             stimulus,
             residual,
             cost,
@@ -413,7 +417,7 @@ class StressMatcher:
             self.contact.go_on(before)
             part = self._part_of(start, way, share)
             stimulus, jacobian = self.model.evaluate(part)
-            minimum = replace(minimum, x=part, stimulus=stimulus, jacobian=jacobian)
+            minimum = replace(minimum, x=part, joints=self._angles(part), stimulus=stimulus, jacobian=jacobian)
         assert best is not None
         return replace(best, looks=MOST_LOOKS, unsettled=off)
 

@@ -135,20 +135,25 @@ class Follower:
         Raises:
             DermisError: a force is not finite.
         """
-        felt, observer = touch_of(self.skin, force, amounts), self.matching.direct.observer
-        assert observer is not None
-        target = observer.see(felt)
-        if self.method != "geometry" or not target.any():
-            return self._told(felt, self.matching.step(target))
-        patch = contact_patch(self.skin, felt.force, amounts)
-        frame = self.matching.step(target, lambda x, limits: fit_plane(self.matching.device, patch, x, limits))
-        return self._told(felt, frame)
-
-    def _told(self, target: Stimulus, frame: ThimbleFrame) -> ThimbleFrame:
-        """Return a frame with the error of the whole stress; without a touch, return it unchanged."""
-        if frame.minimum is None or frame.felt is None:
+        touch = touch_of(self.skin, force, amounts)
+        frame = self._followed(touch.force, amounts, self._observer.see(touch))
+        if frame.minimum is None:
             return frame
-        return replace(frame, stress_error=stress_error(target, frame.felt))
+        felt = frame.felt or Stimulus(self.skin, self.matching.contact.nodal(frame.solution))
+        return replace(frame, stress_error=stress_error(touch, felt), felt=None)
+
+    @property
+    def _observer(self) -> Observer:
+        observer = self.matching.direct.observer
+        assert observer is not None
+        return observer
+
+    def _followed(self, force: Array, amounts: Array | None, target: Array) -> ThimbleFrame:
+        """Return the next frame for a touch, shape (m, 3), and the quantity that is compared, shape (k,)."""
+        if self.method != "geometry" or not target.any():
+            return self.matching.step(target)
+        patch = contact_patch(self.skin, force, amounts)
+        return self.matching.step(target, lambda x, limits: fit_plane(self.matching.device, patch, x, limits))
 
     def follow(self, forces: Array, amounts: Array | None = None) -> ThimbleSequence:
         """Follow a sequence of touches.
@@ -170,8 +175,12 @@ class Follower:
                 limit=f"(n, {3 * nodes})",
             )
         given = [None] * len(forces) if amounts is None else amounts
-        frames = [self.step(force, own) for force, own in zip(forces, given, strict=True)]
-        return collect(frames, self.matching.contact, self.method)
+        if self.skin.follows_law:
+            frames = [self.step(force, own) for force, own in zip(forces, given, strict=True)]
+            return collect(frames, self.matching.contact, self.method)
+        targets, forces = forces @ self._observer.matrix.T, forces.reshape(len(forces), nodes, 3)
+        frames = [self._followed(*touch) for touch in zip(forces, given, targets, strict=True)]
+        return collect(frames, self.matching.contact, self.method, self.skin, forces)
 
 
 def follower(use: ThimbleUse, change: float | None = None) -> Follower:

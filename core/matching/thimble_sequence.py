@@ -12,6 +12,8 @@ from ..devices.disc import DiscContact
 from ..devices.spec import DeviceSpec
 from ..devices.thimble import channel_values
 from ..errors import DermisError
+from ..skin.model import SkinModel
+from ..skin.observation import stress_errors
 from .gauss_newton import GIVES_WAY
 from .stress import ThimbleFrame
 
@@ -81,8 +83,24 @@ class ThimbleSequence:
         return np.stack([columns[c.name] for c in spec.channels], axis=1)
 
 
-def collect(frames: list[ThimbleFrame], contact: DiscContact, method: str) -> ThimbleSequence:
-    """Return the sequence made of some frames."""
+def collect(
+    frames: list[ThimbleFrame], contact: DiscContact, method: str, skin: SkinModel | None = None, forces: Array | None = None
+) -> ThimbleSequence:
+    """Return the sequence made of some frames.
+
+    Args:
+        frames: the frames.
+        contact: contact of the disc.
+        method: see `ThimbleSequence`.
+        skin, forces: linear skin, and forces of the virtual touches on its pad nodes [N], shape (n, m, 3), from which
+            `stress_error` is computed. None takes it from the frames.
+    """
+    made = contact.nodal_forces([f.solution for f in frames])
+    touched = np.array([f.minimum is not None for f in frames])
+    if skin is None or forces is None:
+        errors = np.array([f.stress_error for f in frames])
+    else:
+        errors = np.where(touched, stress_errors(skin, forces, made), 0.0)
     found = [f.minimum for f in frames]
     predicted = None
     if method not in ("force", "geometry"):
@@ -90,19 +108,19 @@ def collect(frames: list[ThimbleFrame], contact: DiscContact, method: str) -> Th
     return ThimbleSequence(
         np.array([f.x for f in frames]),
         np.array([f.angles for f in frames]),
-        np.array([contact.nodal(f.solution) for f in frames], np.float32),
+        made.astype(np.float32),
         np.array([f.mismatch for f in frames]),
         np.array([0.0 if m is None else m.kkt for m in found]),
         np.array([0 if m is None else m.iterations for m in found]),
         np.array([f.touching for f in frames]),
-        np.array([m is not None for m in found]),
+        touched,
         np.array([m is not None and any(a != GIVES_WAY for a in m.active) for m in found]),
         np.array([m is not None and GIVES_WAY in m.active for m in found]),
         np.array([f.rescued for f in frames]),
         method,
         predicted,
         amounts_of(frames, contact),
-        np.array([f.stress_error for f in frames]),
+        errors,
         np.array([f.looks for f in frames]),
         np.array([f.unsettled for f in frames]),
     )

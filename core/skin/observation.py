@@ -121,15 +121,24 @@ def stress_error(target: Stimulus, made: Stimulus) -> float:
 
     The stress is compared with that of `target`. The error is 0 if the target has no stress.
     """
-    if target.skin.follows_law or made.skin.follows_law:
-        wanted = stress_vector(target)
-        off = stress_vector(made) - wanted
-    else:  # the same norm from fewer components
-        root = target.skin.unit_stress
-        wanted = root @ np.asarray(target.force, np.float64).ravel()
-        off = root @ np.asarray(made.force, np.float64).ravel() - wanted
+    if not (target.skin.follows_law or made.skin.follows_law):
+        return float(stress_errors(target.skin, target.force[None], made.force[None])[0])
+    wanted = stress_vector(target)
     size = float(np.linalg.norm(wanted))
-    return float(np.linalg.norm(off)) / size if size > 0.0 else 0.0
+    return float(np.linalg.norm(stress_vector(made) - wanted)) / size if size > 0.0 else 0.0
+
+
+def stress_errors(skin: SkinModel, target: Array, made: Array) -> Array:
+    """Return the errors of `stress_error` for many touches of linear skin, shape (n,).
+
+    Args:
+        skin: model of the skin.
+        target, made: forces on the pad nodes [N], shape (n, m, 3) each.
+    """
+    root = skin.unit_stress  # it gives the same norm from fewer components
+    wanted, off = (np.asarray(f, np.float64).reshape(len(target), -1) @ root.T for f in (target, made - target))
+    size = np.linalg.norm(wanted, axis=1)
+    return np.asarray(np.linalg.norm(off, axis=1) / np.where(size > 0.0, size, np.inf))
 
 
 def _stress_reader(skin: SkinModel, matrix: Array) -> Floats32:

@@ -178,7 +178,7 @@ class Follower:
         if self.skin.follows_law:
             frames = [self.step(force, own) for force, own in zip(forces, given, strict=True)]
             return collect(frames, self.matching.contact, self.method)
-        targets, forces = forces @ self._observer.matrix.T, forces.reshape(len(forces), nodes, 3)
+        targets, forces = map(self._observer.linear, forces), forces.reshape(len(forces), nodes, 3)
         frames = [self._followed(*touch) for touch in zip(forces, given, targets, strict=True)]
         return collect(frames, self.matching.contact, self.method, self.skin, forces)
 

@@ -70,7 +70,7 @@ class Observer:
         """Return the channels of a touch, shape (c,)."""
         flat = np.asarray(felt.force, np.float64).ravel()
         if not self.skin.follows_law or not flat.any():
-            return np.asarray(self.matrix @ flat)
+            return self.linear(flat)
         if self._of_stress is not None:
             return np.asarray(self._of_stress @ felt.stress.astype(np.float32).ravel(), np.float64)
         out = self.matrix @ flat
@@ -78,6 +78,10 @@ class Observer:
             assert felt.amounts is not None
             out -= self.observation.pad @ felt.amounts
         return np.asarray(out)
+
+    def linear(self, force: Array) -> Array:
+        """Return the channels for contact forces on linear skin [N], shape (3 m,); the result has the shape (c,)."""
+        return np.asarray(self.matrix @ force)
 
     def seen(self, force: Array, amounts: Array | None = None) -> Array:
         """Return the channels for contact forces, shape (c,).

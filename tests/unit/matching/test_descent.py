@@ -10,7 +10,7 @@ from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.lateral_stage import LateralStage
 from core.devices.thimble import mechanism
 from core.errors import DermisError
-from core.matching.descent import descend, response
+from core.matching.descent import Descent
 from core.matching.gauss_newton import EXACT, HARDLY, LATER, ServoLimits, minimise
 from core.presets import Library
 
@@ -18,6 +18,11 @@ DEVICE = mechanism(Library().device("thimble_3rrs"))
 MATRIX = np.random.default_rng(5).normal(size=(8, 3)) * [1.0, 1.0, 100.0]
 
 SLOPE = np.vstack([np.diag([1.0, 1.0, 100.0]), np.zeros(3)])
+
+
+def descend(evaluate, target, start, device, *args, **how):
+    """Search with a model that the kernels do not know."""
+    return Descent(device)(evaluate, target, start, *args, **how)
 
 
 def curved(x):
@@ -118,15 +123,44 @@ def test_a_search_that_is_followed_leaves_little_to_the_next():
         assert followed.cost <= whole.cost * (1 + LATER)
 
 
-def test_the_response_to_another_target_is_exact_where_the_map_is_linear():
+@pytest.mark.parametrize("device", [DEVICE, LateralStage(DEVICE)], ids=["thimble", "stage"])
+def test_a_search_that_continues_starts_where_the_slope_predicts(device):
+    """The first configuration that is evaluated: exact where the map is linear, the start where no slope tells."""
     rng = np.random.default_rng(3)
-    for device in (DEVICE, LateralStage(DEVICE)):
-        slope = rng.normal(size=(9, device.freedoms)) / scale_of(device)
-        change = 0.05 * rng.normal(size=device.freedoms) * scale_of(device)
-        before = rng.normal(size=9)
-        np.testing.assert_allclose(response(slope, before, before + slope @ change, device), change, rtol=1e-6)
-        assert not response(slope, before, before + 20.0 * slope @ change, device).any()  # no slope tells so much
-        assert not response(0.0 * slope, before, -before, device).any()
+    start = np.zeros(device.freedoms)
+    start[2] = 0.018
+    slope = rng.normal(size=(9, device.freedoms)) / scale_of(device)
+    change = 0.02 * rng.normal(size=device.freedoms) * scale_of(device)
+    before, seen = rng.normal(size=9), []
+
+    def evaluate(x):
+        seen.append(x)
+        return before + slope @ (x - start), slope
+
+    for target, jacobian, ahead in (
+        (before + slope @ change, slope, change),
+        (before + 40.0 * slope @ change, slope, 0.0),  # no slope tells so much
+        (-before, 0.0 * slope, 0.0),
+    ):
+        seen.clear()
+        descend(evaluate, target, start, device, told=(before, jacobian))
+        np.testing.assert_allclose(seen[0] - start, ahead, rtol=1e-6, atol=1e-15)
+    near = ServoLimits(*(device.joints(start)[0] + sign * 1e-4 for sign in (-1.0, 1.0)))
+    seen.clear()
+    descend(evaluate, before + slope @ change, start, device, near, told=(before, slope))
+    np.testing.assert_array_equal(seen[0], start)  # the limits exclude what the slope predicts
+
+
+def test_the_joints_are_those_of_the_result():
+    for goal in ((0.1, -0.2, 0.0172), (0.1, -0.2, 0.029)):
+        found = descend(curved, curved(np.array(goal))[0], np.array([0.0, 0.0, 0.018]), DEVICE)
+        np.testing.assert_allclose(found.joints, DEVICE.joints(found.x)[0], atol=1e-12)
+
+
+def test_a_model_that_is_not_finite_is_refused():
+    start = np.array([0.0, 0.0, 0.018])
+    with pytest.raises(DermisError, match="not finite"):
+        descend(lambda x: (curved(x)[0], np.full((8, 3), np.nan)), np.zeros(8), start, DEVICE)
 
 
 def flat(x):

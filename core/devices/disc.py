@@ -47,6 +47,7 @@ MAX_ROUNDS = 24  # largest number of alternations between contact and the nonlin
 # The candidates for contact are the points with gaps below NEAR [m]. They are chosen again as soon as the gap of
 # another point is below MARGIN [m].
 NEAR, MARGIN = 0.9e-3, 0.3e-3
+_AT, _POSE = (records.place_of(records.SearchRecord, name) for name in ("at", "pose"))
 
 
 class DiscContact:
@@ -207,6 +208,8 @@ class DiscContact:
             DermisError: a number is not finite.
         """
         record = self._armed(len(pose.spin), pose.turning, told, at, steps)
+        self._out = out = _results(len(self.near), len(pose.spin))
+        record.answer, record.moved, record.status = map(address, out)
         ahead = pose.x if at is None else pose.x - at
         parts = pose.rotation.ravel(), pose.centre, pose.spin.ravel(), pose.shift.ravel(), ahead
         placed = np.concatenate(parts)
@@ -215,7 +218,7 @@ class DiscContact:
         return record
 
     def _armed(self, n: int, turning: int, told: Array, at: Array | None, steps: int) -> records.DiscRecord:
-        """Return the record, complete but for a pose, with new arrays for the results.
+        """Return the record, complete but for a pose and arrays for the results.
 
         Args:
             n: number of values in a configuration.
@@ -225,12 +228,10 @@ class DiscContact:
         record, size = self._record, len(self.near)
         if record.count != size or record.freedoms != n:
             self._room = np.empty((60 + 3 * n + 18 * size) * size), np.empty(8 * size, np.int64)
-            self._offset = np.empty((size, 3))
+            self._offset, self._trial = np.empty((size, 3)), _results(size, n)
             record.count, record.freedoms, record.turning = size, n, turning
             record.room, record.indices = address(self._room[0]), address(self._room[1])
             record.offset = address(self._offset)
-        self._out = _results(size, n)
-        record.answer, record.moved, record.status = map(address, self._out)
         told = np.ascontiguousarray(told)
         record.told, record.leading = address(told), 0 if at is None else n
         if self._built is None:
@@ -247,30 +248,35 @@ class DiscContact:
         The search continues from the last pose that was solved.
         """
         told, at = self._told
-        search.disc = ctypes.addressof(self._armed(3, 2, told, at, MAX_STEPS))
-        search.held = search.own = 0
+        record = self._armed(3, 2, told, at, MAX_STEPS)
+        record.answer, record.moved, record.status = map(address, self._trial)
+        search.disc, search.held, search.own = ctypes.addressof(record), 0, 0
         search.at[:] = (0.0, 0.0, 0.0) if at is None else at.tolist()
         self._lent = _results(len(self.near), 3)
         search.answer, search.moved, search.status = map(address, self._lent)
 
-    def taken(self, search: records.SearchRecord) -> DiscSolution | None:
+    def taken(self, search: records.SearchRecord, numbers: Array) -> DiscSolution | None:
         """Return the contact at the result of a search to which `lend` gave this contact.
 
-        The result is None if the search did not solve it.
+        Args:
+            search: the search.
+            numbers: its numbers, see `records.place_of`.
+
+        Returns:
+            The contact; None if the search did not solve it.
         """
         self.solved += search.presses
         if not search.held:
             return None
         answer, moved, status = self._lent
-        at = np.array(search.at)
+        at, pose = numbers[_AT], numbers[_POSE]
         self._told = answer, at
         if not search.own:
             return None
-        numbers = np.array(search.pose)
-        turn, spin, shift = (numbers[k : k + 9].reshape(3, 3) for k in (0, 12, 21))
-        pose, record = DiscPose(turn, numbers[9:12], spin, shift, at), self._record
+        turn, spin, shift = pose[:9].reshape(3, 3), pose[12:21].reshape(3, 3), pose[21:30].reshape(3, 3)
+        placed, record = DiscPose(turn, pose[9:12], spin, shift, at), self._record
         how = record.residual, record.steps, "newton"
-        return DiscSolution(pose, self.near, answer, moved, status, *how, less=self._less)
+        return DiscSolution(placed, self.near, answer, moved, status, *how, less=self._less)
 
     def _solved_otherwise(self, pose: DiscPose, start: Array) -> Solution:
         """Solve contact by Gauss-Seidel sweeps.
@@ -317,7 +323,7 @@ class DiscContact:
         )
         record.moved, record.force, record.anchor, record.sticks = (address(array) for array in out)
         placed = np.concatenate([pose.rotation.ravel(), pose.centre])
-        record.anchors, record.anchored = address(self._held[0]), address(self._held[1])
+        record.anchors, record.anchored = self._record.anchors, self._record.anchored
         less = None if solution.less is None else np.ascontiguousarray(solution.less, np.float64)
         record.less = None if less is None else address(less)
         record.pose, record.count, record.width = address(placed), len(answer), answer.shape[2]

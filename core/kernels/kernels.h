@@ -519,7 +519,7 @@ typedef struct {
                              /* see core/matching/gauss_newton.py */
     int64_t most_steps, most_evaluations;
     const double *target;    /* (k) */
-    const double *low, *high; /* least and greatest angles of the servos from neutral (3) [rad] */
+    double low[3], high[3];  /* least and greatest angles of the servos from neutral [rad] */
     const double *before;    /* target of an earlier search that ended at `x` (k); null: there was none */
     const double *slope;     /* derivative of the stimulus there (3, k) */
     int64_t follows;         /* 1: another search will start from the result */

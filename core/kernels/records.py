@@ -31,6 +31,15 @@ def address(array: NDArray[Any]) -> int:
         return int(array.__array_interface__["data"][0])
 
 
+def place_of(record: type[ctypes.Structure], name: str) -> slice:
+    """Return the place of a field of doubles among all numbers of a record.
+
+    `np.frombuffer(record)` are these numbers. Its parts are read and written faster than the fields themselves.
+    """
+    field = getattr(record, name)
+    return slice(field.offset // 8, (field.offset + field.size) // 8)
+
+
 def layout() -> str:
     """Return the string that `dermis_layout` of a fitting library returns."""
     values = {f"DERMIS_{name}": value for name, value in HEADER.constants.items()}

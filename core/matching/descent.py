@@ -46,11 +46,15 @@ from .gauss_newton import (
     minimise,
 )
 
+_PARTS = ("low", "high", "x", "trial", "room", "angles")  # of a record, see `records.place_of`
 # names of the reasons for the end of a search, see `Minimum.why`, by the numbers of the kernels
 _WHY = {
     records.HEADER.constants[name.upper()]: name
     for name in ("limit", "optimal", "gain", "foreseen", "stalled", "step", "exact")
 }
+
+_LOW, _HIGH, _X, _TRIAL, _ROOM, _ANGLES = map(records.place_of, [records.SearchRecord] * 6, _PARTS)
+_NONE = np.zeros(0)
 
 
 class Descent:
@@ -126,49 +130,48 @@ class Descent:
         if not isinstance(device, Thimble):
             start = start if told is None else self._ahead(start, target, limits, *told)
             return descend_in_box(evaluate, target, start, device, limits, reach=reach)
-        search, size = records.SearchRecord.from_buffer_copy(self._blank), len(target)
-        values, trial = np.empty((2, 4, size))
-        given = [np.ascontiguousarray(part, np.float64) for part in (target, limits.low, limits.high)]
-        search.size, search.reach, search.foreseen, search.follows = size, reach, foreseen, follows
-        search.target, search.low, search.high = map(address, given)
-        search.values, search.trial_values = address(values), address(trial)
-        search.x[:] = start.tolist()
+        size, record = len(target), records.SearchRecord.from_buffer_copy(self._blank)
+        numbers, (values, trial) = np.frombuffer(record), np.empty((2, 4, size))
+        target = np.ascontiguousarray(target, np.float64)
+        record.size, record.reach, record.foreseen, record.follows = size, reach, foreseen, follows
+        record.target, record.values, record.trial_values = address(target), address(values), address(trial)
+        numbers[_LOW], numbers[_HIGH], numbers[_X] = limits.low, limits.high, start
         if told is not None:
-            earlier = [np.ascontiguousarray(part, np.float64) for part in (told[0], told[1].T)]
-            search.before, search.slope = map(address, earlier)
+            earlier = np.ascontiguousarray(told[0], np.float64), np.ascontiguousarray(told[1].T, np.float64)
+            record.before, record.slope = address(earlier[0]), address(earlier[1])
         if self.model is not None:
-            self.model.lend(search)
-        while (status := kernels().descend(byref(search))) == records.ASKS:
-            stimulus, jacobian = evaluate(np.array(search.trial))
-            trial[0], trial[1:] = stimulus, jacobian.T
+            self.model.lend(record)
+        while (status := kernels().descend(byref(record))) == records.ASKS:
+            trial[0], slopes = evaluate(numbers[_TRIAL].copy())
+            trial[1:] = slopes.T
             if self.model is not None:
-                self.model.lend(search)
+                self.model.lend(record)
         if status == records.NOT_FINITE:
-            raise DermisError("the stimulus of a pose is not finite", where="thimble", value=list(search.trial))
-        x, stimulus = np.array(search.x), values[0]
+            raise DermisError("the stimulus of a pose is not finite", where="thimble", value=list(record.trial))
+        x, stimulus = numbers[_X], values[0]
         if self.model is not None:
-            self.model.take(search, x, stimulus)
-        if search.why not in _WHY:  # a limit is met, or the start is outside the limits, which is an error
+            self.model.take(record, numbers, x, stimulus)
+        if record.why not in _WHY:  # a limit is met, or the start is outside the limits, which is an error
             more = minimise(evaluate, target, x, device, limits)
-            if not search.evaluations:
+            if not record.evaluations:
                 return more
-            counts = more.iterations + search.iterations, more.evaluations + search.evaluations
-            return replace(more, start_cost=search.start_cost, iterations=counts[0], evaluations=counts[1])
+            counts = more.iterations + record.iterations, more.evaluations + record.evaluations
+            return replace(more, start_cost=record.start_cost, iterations=counts[0], evaluations=counts[1])
         return Minimum(
             x,
-            np.array(search.angles),
+            numbers[_ANGLES],
             stimulus,
             stimulus - target,
-            search.start_cost,
-            search.cost,
-            search.kkt,
+            record.start_cost,
+            record.cost,
+            record.kkt,
             (),
-            np.zeros(0),
-            np.array(search.room),
-            search.iterations,
-            search.evaluations,
-            _WHY[search.why],
-            search.reach,
+            _NONE,
+            numbers[_ROOM],
+            record.iterations,
+            record.evaluations,
+            _WHY[record.why],
+            record.reach,
             values[1:].T,
         )
 

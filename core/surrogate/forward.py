@@ -110,14 +110,14 @@ class DirectModel:
         self.contact.lend(search)
         search.observation = address(self._by_force)
 
-    def take(self, search: records.SearchRecord, x: Array, stimulus: Array) -> None:
+    def take(self, search: records.SearchRecord, numbers: Array, x: Array, stimulus: Array) -> None:
         """Keep the contact at the result of such a search.
 
         Args:
-            search: the search.
+            search, numbers: the search, see `DiscContact.taken`.
             x: its result, shape (n,). stimulus: stimulus there, shape (k,).
         """
-        found = self.contact.taken(search)
+        found = self.contact.taken(search, numbers)
         if found is not None:
             self._last, self._told = (x.tobytes(), found), (found, stimulus)
 

@@ -75,6 +75,7 @@ class DiscContact:
         self.near: NDArray[np.intp] = np.zeros(0, np.intp)
         self.solved = self.fallbacks = 0
         self._places, self._gap = self.positions.copy(), np.empty(self.count)
+        self._all = np.ones(self.count, bool)
         self._built: Array | None = None
         # Forces to start from, with their derivative if there is one, and the configuration to which they belong.
         self._told: tuple[Array, Array | None] = (np.zeros((0, 3, 1)), None)
@@ -330,7 +331,7 @@ class DiscContact:
         record.near, record.answer, record.status = address(solution.near), address(answer), address(solution.status)
         _done(kernels().settle_disc(byref(record)), record)
         moved, force, anchor, sticking = out
-        return FrictionState(np.ones(self.count, bool), anchor, force, sticking, moved, solution, solution.law)
+        return FrictionState(self._all, anchor, force, sticking, moved, solution, solution.law)
 
     # -- parts -------------------------------------------------------------------------------------------------------
 

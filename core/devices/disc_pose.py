@@ -8,6 +8,7 @@ Source: [S0] 3.1 (rigid disc on the skin), 3.4 (friction state)
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,7 +214,7 @@ class DiscSolution:
         """
         return self.law is None or self.law.left <= LAW_TOLERANCE
 
-    @property
+    @cached_property
     def touching(self) -> bool:
         """Whether any point carries force."""
         return bool((self.status != OPEN).any())

@@ -100,7 +100,7 @@ class Minimum:
     @property
     def mismatch(self) -> float:
         """Norm of the residual, in the stimulus's unit."""
-        return float(np.sqrt(2.0 * self.cost))
+        return math.sqrt(2.0 * self.cost)
 
 
 @dataclass(frozen=True)

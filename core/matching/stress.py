@@ -12,8 +12,9 @@ Source: [S0] 5.1 and eq. 1, whose norm is minimised through its square.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -97,14 +98,15 @@ class _Looked:
 
     Attributes:
         minimum: result of the search. solution, stimulus: contact and stimulus at its pose, by the nonlinear law if the
-            skin has one. beyond: stimulus by the law minus stimulus by the search's model there, shape (k,).
+            skin has one. beyond: stimulus by the law minus stimulus by the search's model there, shape (k,); None if the law
+            was not evaluated.
         looks, unsettled, rescued: see `ThimbleFrame`.
     """
 
     minimum: Minimum
     solution: DiscSolution
     stimulus: Array
-    beyond: Array = field(default_factory=lambda: np.zeros(0))
+    beyond: Array | None = None
     looks: int = 0
     unsettled: float = 0.0
     rescued: bool = False
@@ -166,7 +168,7 @@ class StressMatcher:
         self.limits = ServoLimits.of(device)
         self.rest_x = self._start_at(0.0, 0.0, -hover)
         self.table = warm_start_table(device, contact, self.model) if table is None else table
-        self._foreseen = FORESEEN
+        self._foreseen, self._nothing = FORESEEN, NOTHING * float(self.table.strength.max())
         # At a new contact several poses of the disc are tried. A stronger target (see `onset`) compares them only if
         # two conditions hold. The device must have three freedoms: a disc with more can change its pose later. The
         # stimulus must have more than three components: with three it is the total force, which several poses share.
@@ -210,7 +212,8 @@ class StressMatcher:
             DermisError: a target of another size, or not finite.
         """
         target = np.asarray(target, np.float64)
-        if target.shape != (self.model.size,) or not np.isfinite(target).all():
+        size = math.sqrt(target @ target) if target.shape == (self.model.size,) else math.nan
+        if not math.isfinite(size):
             raise DermisError(
                 "the target does not fit the model or is not finite",
                 where="thimble",
@@ -218,11 +221,10 @@ class StressMatcher:
                 limit=f"({self.model.size},), finite",
             )
         limits = self.limits if self.change is None else self.limits.near(self.angles, self.change)
-        size = float(np.sqrt(target @ target))
         found: _Looked | None = None
-        if size > max(self.noise_floor, NOTHING * float(self.table.strength.max())):
+        if size > max(self.noise_floor, self._nothing):
             expected = self._expected()
-            goal = target - expected
+            goal = target if expected is None else target - expected
             if search is not None:
                 minimum = search(self.x, limits)
                 found = _Looked(minimum, *self._held_at(minimum.x))
@@ -240,11 +242,13 @@ class StressMatcher:
         self._settle(solution)
         miss = stimulus - target
         searched = found is not None and search is None
-        self._told = (target - found.beyond, found.minimum.jacobian) if found is not None and searched else None
+        self._told = None
+        if found is not None and searched:
+            self._told = target if found.beyond is None else target - found.beyond, found.minimum.jacobian
         self._reach = 1.0 if found is None else found.minimum.reach
         before = None if self._beyond is None else self._beyond[0]
         self._beyond = None
-        if found is not None and searched and self.contact.law is not None and self._pressed:
+        if found is not None and found.beyond is not None and self._pressed:
             self._beyond = found.beyond, found.beyond if before is None else before
         self.x, self.angles = x, angles
         made = None
@@ -253,9 +257,9 @@ class StressMatcher:
         astray = 1.0 if solution.touching and not solution.settled else 0.0
         if found is None:
             return ThimbleFrame(x, self.angles, stimulus, 0.0, solution, None, unsettled=astray, felt=made)
-        mismatch = float(np.sqrt(miss @ miss)) / size
+        mismatch = math.sqrt(miss @ miss) / size
         minimum = found.minimum
-        if found.beyond.any():  # the search used linear skin: add the correction by the law
+        if found.beyond is not None:  # the search used linear skin: add the correction by the law
             minimum = replace(minimum, stimulus=minimum.stimulus + found.beyond)
         return ThimbleFrame(
             x,
@@ -281,10 +285,9 @@ class StressMatcher:
         self.model.hold(self.state)
         if not self._pressed:
             return self._begun(target, limits)
-        size = float(np.sqrt(target @ target))
-        alike = self.table.direction @ target / size
-        nearest = int(alike.argmax())
-        promised = size * float(np.sqrt(max(1.0 - alike[nearest] ** 2, 0.0)))
+        size, along = math.sqrt(target @ target), self.table.direction @ target
+        nearest = int(along.argmax())
+        promised = math.sqrt(max(size * size - float(along[nearest]) ** 2, 0.0))
         foreseen = 0.0 if self.model is self.direct else self._foreseen
         best = self._descended(target, self.x, limits, self._reach, foreseen, True, self._told)
         self._wait = max(self._wait - 1, 0)
@@ -292,7 +295,7 @@ class StressMatcher:
             return best
         goal = self._goal
         if goal is None:
-            goal = self.table.configuration(nearest, size * float(alike[nearest]))
+            goal = self.table.configuration(nearest, float(along[nearest]))
         other = self._descended(target, self._within(goal, self.limits), self.limits)
         self._goal = None
         if other.cost < (1.0 - WORTHWHILE) * best.cost:
@@ -368,13 +371,13 @@ class StressMatcher:
             jacobian,
         )
 
-    def _expected(self) -> Array:
-        """Extrapolate the difference between law and model from the last two frames."""
+    def _expected(self) -> Array | None:
+        """Extrapolate the difference between law and model from the last two frames; None for no difference."""
         if self._beyond is None:
-            return np.zeros(self.model.size)
+            return None
         return 2.0 * self._beyond[0] - self._beyond[1]
 
-    def _looked(self, target: Array, limits: ServoLimits, minimum: Minimum, expected: Array) -> _Looked:
+    def _looked(self, target: Array, limits: ServoLimits, minimum: Minimum, expected: Array | None) -> _Looked:
         """Evaluate the law at the pose found, and search again while the result differs from the prediction.
 
         If the residual by the law is not below the smallest so far, the step is shortened, to 1/2, 1/8 and 1/64 of its
@@ -384,7 +387,8 @@ class StressMatcher:
         """
         if self.contact.law is None or not self.follows_law:
             solution = self._contact_at(minimum.x)
-            return _Looked(minimum, solution, self._rendered_stimulus(solution, minimum), np.zeros(self.model.size))
+            return _Looked(minimum, solution, self._rendered_stimulus(solution, minimum))
+        expected = np.zeros(self.model.size) if expected is None else expected
         size = float(np.linalg.norm(target))
         if self.model is not self.direct:
             self.direct.hold(self.state)
@@ -430,10 +434,11 @@ class StressMatcher:
         """Use the direct model to repeat a mistrusted search, and keep the better result."""
         learned, self.model = self.model, self.direct
         try:
-            expected = np.zeros(self.model.size)
+            expected, goal = None, target
             if self.contact.law is not None:
                 expected = found.stimulus - self.direct.linear(found.solution)
-            other = self._looked(target, limits, self._search(target - expected, limits), expected)
+                goal = target - expected
+            other = self._looked(target, limits, self._search(goal, limits), expected)
         finally:
             self.model = learned
         if np.linalg.norm(other.stimulus - target) >= np.linalg.norm(found.stimulus - target):

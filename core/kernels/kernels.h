@@ -493,7 +493,7 @@ typedef struct {
     double mount[12];        /* pose of the base in the finger's frame: rotation (3, 3), origin (3) [m] */
 } dermis_thimble;
 
-/* Why a search ended. BOUNDED: a step would leave the limits, so that the caller has to go on. See
+/* Why a search ended. OUTSIDE: it did not begin, since its start is outside the limits. See
    core/matching/gauss_newton.py for all others. */
 enum {
     DERMIS_LIMIT = 0,
@@ -503,7 +503,7 @@ enum {
     DERMIS_STALLED = 4,
     DERMIS_STEP = 5,
     DERMIS_EXACT = 6,
-    DERMIS_BOUNDED = 7
+    DERMIS_OUTSIDE = 7
 };
 
 /* A search for the pose of a thimble's disc whose stimulus is nearest to a target, see `search.c`.
@@ -524,6 +524,9 @@ typedef struct {
     const double *slope;     /* derivative of the stimulus there (3, k) */
     int64_t follows;         /* 1: another search will start from the result */
     double foreseen;         /* a step that promises a smaller share of the cost is taken without an evaluation */
+    double on_limit;         /* a start may be beyond a limit by this much [rad] */
+    int64_t bounded;         /* in: 1 to minimise within the linearised limits from the first step on; out: 1 if a limit
+                                was met */
     int64_t phase;           /* 0 at the first call; the search itself goes on to 1 and 2 */
     int64_t held;            /* out: 1 if `answer`, `moved`, `status` and `pose` are those of `disc` at `at` */
     int64_t own;             /* out: 1 if `at` is also `x` */
@@ -537,6 +540,12 @@ typedef struct {
     double pose[33];         /* out: as in `dermis_disc` */
     double room[7];          /* out: distance from each limit at `x`, see core/devices/thimble.py */
     double trial_room[7];
+    double slopes[21];       /* out of a bounded search: derivatives of `room` with respect to pitch, roll, and distance over
+                                the platform's radius (7, 3) */
+    double trial_slopes[21];
+    int64_t actives;         /* out: number of limits that hold the search back */
+    int64_t active[3];       /* out: indices of these */
+    double multipliers[3];   /* out: their multipliers */
     double angles[3];        /* out: of the servos at `x`, from neutral [rad] */
     double trial_angles[3];
     double reach;            /* share of a full step that minimises the cost, as the last step tells; in: of an earlier search */

@@ -1,8 +1,8 @@
-/* Search for the pose of a thimble's disc by damped Gauss-Newton steps, while no limit is active; see
-   core/matching/descent.py.
+/* Search for the pose of a thimble's disc by damped Gauss-Newton steps; see core/matching/descent.py.
 
    The normal equations of the three unknowns, bordered by the residual r, are B'B of B = (J S, r). S scales the derivative
-   with respect to the distance by the platform's radius. */
+   with respect to the distance by the platform's radius. From the first trial that is beyond a limit on, each step is the
+   minimum of the linearised mismatch within the linearised limits: the search is `bounded`. */
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
@@ -16,49 +16,99 @@
 #define UPRIGHT 2.59807621135331594
 #define HALF_ROOT 0.866025403784438647
 
+/* Directions of the legs from the base's centre. */
+#define ENDS {{1.0, 0.0}, {-0.5, HALF_ROOT}, {-0.5, -HALF_ROOT}}
+
 enum { BEGINS, STARTS, TRIES };
+
+/* Number of limits: greatest and least angle of each servo, and the margin; and the index of the margin. */
+#define LIMITS 7
+#define MARGIN 6
+
+/* RESTORING: largest number of attempts to bring a trial back within the limits. */
+#define RESTORING 4
+
+/* Rounding error of a limit's distance after a step [rad]. */
+#define ROUNDING 1e-12
+
+/* A leg: the vector along its rod (out, rise) [m], and the direction of its crank. `by` is the derivative of the joint's
+   place on the platform, divided by the platform's radius, with respect to pitch, roll, and distance over that radius. */
+typedef struct {
+    double out, rise, cosine, sine, m, m_by[THREE], by[THREE][2];
+} leg;
+
+/* Compute the derivatives of the limits' distances with respect to pitch, roll, and distance over the platform's radius.
+
+   rows: the change of each rod's length times the length, by each of these; the margin is their determinant. */
+static void slope_limits(const dermis_thimble *of, const leg *legs, double rows[THREE][3], const double *x, double *slopes) {
+    static const double ends[THREE][2] = ENDS;
+    double sp, cp, sr, cr, size = of->platform_radius, cofactors[THREE][3], *margin = slopes + 3 * MARGIN;
+    dermis_turn(x[0], &sp, &cp), dermis_turn(x[1], &sr, &cr);
+    double up = cp * cr, k = 1.0 / (1.0 + up), up_by[2] = {-sp * cr, -cp * sr}, up_both[2][2] = {{-up, sp * sr}, {sp * sr, -up}};
+    for (int i = 0; i < THREE; i++) dermis_cross(rows[(i + 1) % THREE], rows[(i + 2) % THREE], cofactors[i]);
+    for (int b = 0; b < 3; b++) margin[b] = 0.0;
+    for (int i = 0; i < THREE; i++) {
+        const leg *l = legs + i;
+        double ex = ends[i][0], ey = ends[i][1], m = l->m, lever = of->crank * (l->rise * l->cosine - l->out * l->sine);
+        double m_both[2][2] = {{sp * cr * ey, cp * sr * ey}, {cp * sr * ey, sp * cr * ey - sr * ex}};
+        for (int b = 0; b < 3; b++) {
+            double turn = size * rows[i][b] / lever, out = size * l->by[b][0] + of->crank * l->sine * turn, rise = size * l->by[b][1] - of->crank * l->cosine * turn;
+            slopes[3 * i + b] = -turn, slopes[3 * (THREE + i) + b] = turn;
+            for (int a = 0; a < 3; a++) {
+                double change = out * l->by[a][0] + rise * l->by[a][1];
+                if (a < 2 && b < 2) {
+                    double crossed = l->m_by[a] * up_by[b] + l->m_by[b] * up_by[a];
+                    change += l->out * ((2.0 * k * k * m * m - 0.5) * up_both[a][b] - 4.0 * k * (l->m_by[a] * l->m_by[b] + m * m_both[a][b]) +
+                                        4.0 * k * k * m * crossed - 4.0 * k * k * k * m * m * up_by[a] * up_by[b]);
+                    change -= l->rise * m_both[a][b];
+                }
+                margin[b] += cofactors[i][a] * change;
+            }
+        }
+    }
+    for (int b = 0; b < 3; b++) margin[b] *= of->side / (UPRIGHT * of->rod * of->rod * of->rod);
+}
 
 /* Compute the angles of the servos from neutral, and the singularity margin; return 0 if a leg cannot reach.
 
-   The formulas are those of core/devices/inverse_kinematics.py. */
-static int close_legs(const dermis_thimble *of, const double *x, double *angles, double *margin) {
-    static const double legs[THREE][2] = {{1.0, 0.0}, {-0.5, HALF_ROOT}, {-0.5, -HALF_ROOT}};
-    double sp, cp, sr, cr, rows[THREE][3];
+   The formulas are those of core/devices/inverse_kinematics.py. slopes: see `slope_limits` (7, 3); null: they are not
+   computed. */
+static int close_legs(const dermis_thimble *of, const double *x, double *angles, double *margin, double *slopes) {
+    static const double ends[THREE][2] = ENDS;
+    double sp, cp, sr, cr, rows[THREE][3], normal[3];
+    leg legs[THREE];
     if (!(dermis_abs(x[0]) < 0.5 * PI && dermis_abs(x[1]) < 0.5 * PI)) return 0;
     dermis_turn(x[0], &sp, &cp), dermis_turn(x[1], &sr, &cr);
     double up = cp * cr, by_pitch = -sp * cr, by_roll = -cp * sr, across = 1.0 / (1.0 + up);
     for (int i = 0; i < THREE; i++) {
-        double ex = legs[i][0], ey = legs[i][1], m = sr * ex + by_pitch * ey, m_pitch = -up * ey, m_roll = cr * ex + sp * sr * ey;
+        double ex = ends[i][0], ey = ends[i][1], m = sr * ex + by_pitch * ey, m_pitch = -up * ey, m_roll = cr * ex + sp * sr * ey;
         double bent = 2.0 * m * across, r = of->platform_radius * (1.5 - 0.5 * up - bent * m) - of->base_radius;
         double h = x[2] - of->platform_radius * m, square = r * r + h * h, size = dermis_root(square);
         double stretched = of->crank * of->crank - of->rod * of->rod + square, whole = 2.0 * of->crank * size;
         if (!(dermis_abs(stretched) < BENT * whole)) return 0;
         double cosine = stretched / whole, sine = dermis_root((1.0 - cosine) * (1.0 + cosine)), turn = dermis_angle(dermis_abs(h), r);
         angles[i] = (h < 0.0 ? -turn : turn) - of->bend * dermis_angle(sine, cosine) - of->servo_zero;
-        /* the rod, from the end of the crank, whose direction is that of (r, h) turned by the knee's angle */
-        double out = r - of->crank * (r * cosine + of->bend * h * sine) / size;
-        double rise = h - of->crank * (h * cosine - of->bend * r * sine) / size, curve = bent * m * across - 0.5;
-        rows[i][0] = out * (curve * by_pitch - 2.0 * bent * m_pitch) - rise * m_pitch;
-        rows[i][1] = out * (curve * by_roll - 2.0 * bent * m_roll) - rise * m_roll;
-        rows[i][2] = rise;
+        /* the crank has the direction of (r, h), turned by the knee's angle */
+        double along = (r * cosine + of->bend * h * sine) / size, above = (h * cosine - of->bend * r * sine) / size, curve = bent * m * across - 0.5;
+        legs[i] = (leg){r - of->crank * along, h - of->crank * above, along, above, m, {m_pitch, m_roll, 0.0},
+                        {{curve * by_pitch - 2.0 * bent * m_pitch, -m_pitch}, {curve * by_roll - 2.0 * bent * m_roll, -m_roll}, {0.0, 1.0}}};
+        for (int j = 0; j < 3; j++) rows[i][j] = legs[i].out * legs[i].by[j][0] + legs[i].rise * legs[i].by[j][1];
     }
-    double normal[3];
     dermis_cross(rows[1], rows[2], normal);
     *margin = of->side * dermis_dot(rows[0], normal) / (UPRIGHT * of->rod * of->rod * of->rod);
+    if (slopes != NULL) slope_limits(of, legs, rows, x, slopes);
     return 1;
 }
 
-/* Compute the distances of a trial from the limits; return 0 if it is beyond one. */
-static int has_room(dermis_search *s) {
-    double margin, least = __builtin_inf(), *room = s->trial_room;
-    if (!close_legs(s->thimble, s->trial, s->trial_angles, &margin)) return 0;
+/* Compute the distances of a trial from the limits; return 0 if they cannot be computed, or if one is below `least`. */
+static int has_room(dermis_search *s, double least) {
+    double margin, *room = s->trial_room;
+    if (!close_legs(s->thimble, s->trial, s->trial_angles, &margin, s->bounded ? s->trial_slopes : NULL)) return 0;
     for (int i = 0; i < THREE; i++) room[i] = s->high[i] - s->trial_angles[i], room[THREE + i] = s->trial_angles[i] - s->low[i];
-    room[2 * THREE] = margin - s->thimble->least;
-    for (int i = 0; i <= 2 * THREE; i++) {
-        if (!dermis_finite(room[i])) return 0;
-        least = dermis_least(least, room[i]);
-    }
-    return least >= 0.0;
+    room[MARGIN] = margin - s->thimble->least;
+    for (int i = 0; i < LIMITS; i++)
+        if (!(room[i] >= least) || !dermis_finite(room[i])) return 0;
+    return 1;
 }
 
 /* Turn a vector from the base's frame to the finger's. */
@@ -120,7 +170,8 @@ static int pressed(dermis_search *s) {
 
 /* Make the trial the present configuration. */
 static void take(dermis_search *s) {
-    for (int k = 0; k < 7; k++) s->room[k] = s->trial_room[k];
+    for (int k = 0; k < LIMITS; k++) s->room[k] = s->trial_room[k];
+    for (int k = 0; k < 3 * LIMITS; k++) s->slopes[k] = s->trial_slopes[k];
     for (int j = 0; j < THREE; j++) s->x[j] = s->trial[j], s->angles[j] = s->trial_angles[j];
     for (int64_t k = 0; k < 4 * s->size; k++) s->values[k] = s->trial_values[k];
     s->own = s->held;
@@ -139,58 +190,195 @@ static int gram_of(const dermis_search *s, const double *stimulus, const double 
     return dermis_finite(sum);
 }
 
-/* Compute the damped step -(J'J + D)^-1 J'r by Cholesky's method; return 0 if J is zero. */
-static int step_of(const dermis_search *s, const double *gram, double *way) {
-    double more = s->damping * dermis_most(gram[0], dermis_most(gram[5], gram[10])), l[3], y[3];
-    if (!(more > 0.0)) return 0;
-    double first = dermis_root(gram[0] + more);
-    l[0] = gram[1] / first, l[1] = gram[2] / first;
-    double second = dermis_root(dermis_most(gram[5] + more - l[0] * l[0], more));
-    l[2] = (gram[6] - l[1] * l[0]) / second;
-    double third = dermis_root(dermis_most(gram[10] + more - l[1] * l[1] - l[2] * l[2], more));
-    y[0] = -gram[3] / first;
-    y[1] = (-gram[7] - l[0] * y[0]) / second;
-    y[2] = (-gram[11] - l[1] * y[0] - l[2] * y[1]) / third;
-    way[2] = y[2] / third;
-    way[1] = (y[1] - l[2] * way[2]) / second;
-    way[0] = (y[0] - l[0] * way[1] - l[1] * way[2]) / first;
+/* Factorise a symmetric matrix as L L' by Cholesky's method, with rows of three; return 0 if it is singular. */
+static int factorise(int size, const double *matrix, double *factor) {
+    for (int i = 0; i < size; i++)
+        for (int j = 0; j <= i; j++) {
+            double sum = matrix[3 * i + j];
+            for (int k = 0; k < j; k++) sum -= factor[3 * i + k] * factor[3 * j + k];
+            if (i == j && !(sum > 0.0)) return 0;
+            factor[3 * i + j] = i == j ? dermis_root(sum) : sum / factor[3 * j + j];
+        }
     return 1;
+}
+
+/* Solve L L' x = b; x replaces b. */
+static void solve(int size, const double *factor, double *x) {
+    for (int i = 0; i < size; i++) {
+        for (int k = 0; k < i; k++) x[i] -= factor[3 * i + k] * x[k];
+        x[i] /= factor[3 * i + i];
+    }
+    for (int i = size; i-- > 0;) {
+        for (int k = i + 1; k < size; k++) x[i] -= factor[3 * k + i] * x[k];
+        x[i] /= factor[3 * i + i];
+    }
+}
+
+/* Compute the damped step -(J'J + D)^-1 J'r, and the factor of J'J + D; return 0 if J is zero. */
+static int step_of(const dermis_search *s, const double *gram, double *factor, double *way) {
+    double more = s->damping * dermis_most(gram[0], dermis_most(gram[5], gram[10])), matrix[9];
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j <= i; j++) matrix[3 * i + j] = gram[4 * j + i] + (i == j ? more : 0.0);
+        way[i] = -gram[4 * i + 3];
+    }
+    if (!(more > 0.0) || !factorise(3, matrix, factor)) return 0;
+    solve(3, factor, way);
+    return 1;
+}
+
+/* Compute the step of a bounded search if some limits are active; return 0 if it goes beyond another limit, or if a limit
+   would pull.
+
+   The step is d = d0 + V l, with the step d0 without limits, V = (J'J + D)^-1 A', and the derivatives A of the active
+   limits. The multipliers l follow from A d = -room. left: out: norm of J'r - A'l. */
+static int held_step(dermis_search *s, const double *factor, const double *free, int count, const int *active, double *left) {
+    double solved[3][3], schur[9] = {0.0}, lower[9], l[3], gradient[3] = {s->gram[3], s->gram[7], s->gram[11]}, way[3] = {free[0], free[1], free[2]};
+    for (int a = 0; a < count; a++) {
+        const double *slope = s->slopes + 3 * active[a];
+        for (int k = 0; k < 3; k++) solved[a][k] = slope[k];
+        solve(3, factor, solved[a]);
+        l[a] = -dermis_most(s->room[active[a]], 0.0) - dermis_dot(slope, free);
+        for (int b = 0; b <= a; b++) schur[3 * a + b] = dermis_dot(s->slopes + 3 * active[b], solved[a]);
+    }
+    if (!factorise(count, schur, lower)) return 0;
+    solve(count, lower, l);
+    for (int a = 0; a < count; a++) {
+        if (!(l[a] >= 0.0)) return 0;
+        for (int k = 0; k < 3; k++) way[k] += l[a] * solved[a][k], gradient[k] -= l[a] * s->slopes[3 * active[a] + k];
+    }
+    for (int i = 0; i < LIMITS; i++) {
+        int held = 0;
+        for (int a = 0; a < count; a++) held |= active[a] == i;
+        if (!held && !(dermis_most(s->room[i], 0.0) + dermis_dot(s->slopes + 3 * i, way) >= -ROUNDING)) return 0;
+    }
+    s->actives = count, *left = dermis_root(dermis_dot(gradient, gradient));
+    for (int k = 0; k < 3; k++) s->way[k] = way[k], s->active[k] = k < count ? active[k] : -1, s->multipliers[k] = k < count ? l[k] : 0.0;
+    return 1;
+}
+
+/* Choose the active limits of a bounded search, and compute the step; return the norm of J'r - A'l.
+
+   The sets of limits that can be active together are tried, first none, then those of the step before. No servo is at both
+   ends of its range. */
+static double choose(dermis_search *s, const double *factor, const double *free) {
+    double left;
+    int last[3] = {(int)s->active[0], (int)s->active[1], (int)s->active[2]}, set[3] = {0, 0, 0};
+    if (held_step(s, factor, free, 0, set, &left) || (s->actives && held_step(s, factor, free, (int)s->actives, last, &left))) return left;
+    for (int count = 1; count <= 3; count++)
+        for (set[0] = 0; set[0] < LIMITS; set[0]++)
+            for (set[1] = count > 1 ? set[0] + 1 : LIMITS - 1; set[1] < LIMITS; set[1]++)
+                for (set[2] = count > 2 ? set[1] + 1 : LIMITS - 1; set[2] < LIMITS; set[2]++) {
+                    int apart = 1;
+                    for (int a = 1; a < count; a++)
+                        for (int b = 0; b < a; b++) apart &= set[a] == MARGIN || set[a] - set[b] != THREE;
+                    if (apart && held_step(s, factor, free, count, set, &left)) return left;
+                }
+    /* only by rounding where limits meet: no step, since all limits hold here */
+    s->actives = 0;
+    for (int k = 0; k < 3; k++) s->way[k] = 0.0;
+    return dermis_root(s->gram[3] * s->gram[3] + s->gram[7] * s->gram[7] + s->gram[11] * s->gram[11]);
+}
+
+/* Move a trial back within the limits, which it may violate because their linearisation is not exact; return 0 if it still
+   violates one after RESTORING attempts. */
+static int restored(dermis_search *s) {
+    double rows[LIMITS][3], by[LIMITS], matrix[9], factor[9], right[3], move[3];
+    for (int again = 0; again < RESTORING; again++) {
+        int count = 0;
+        if (!has_room(s, -__builtin_inf())) return 0;
+        for (int i = 0; i < LIMITS; i++) {
+            if (!(s->trial_room[i] < 0.0)) continue;
+            for (int k = 0; k < 3; k++) rows[count][k] = s->trial_slopes[3 * i + k];
+            by[count++] = 0.01 * s->on_limit - s->trial_room[i];
+        }
+        if (!count) return 1;
+        /* the least move if there are at most three rows, else that of least squares */
+        int side = count < 3 ? count : 3;
+        for (int a = 0; a < side; a++) {
+            right[a] = count > 3 ? 0.0 : by[a];
+            for (int i = 0; i < count && count > 3; i++) right[a] += rows[i][a] * by[i];
+            for (int b = 0; b <= a; b++) {
+                double sum = count > 3 ? 0.0 : dermis_dot(rows[a], rows[b]);
+                for (int i = 0; i < count && count > 3; i++) sum += rows[i][a] * rows[i][b];
+                matrix[3 * a + b] = sum;
+            }
+        }
+        if (!factorise(side, matrix, factor)) return 0;
+        solve(side, factor, right);
+        for (int k = 0; k < 3; k++) {
+            move[k] = count > 3 ? right[k] : 0.0;
+            for (int i = 0; i < count && count <= 3; i++) move[k] += rows[i][k] * right[i];
+            s->trial[k] += k == 2 ? s->thimble->platform_radius * move[k] : move[k];
+        }
+    }
+    return 0;
 }
 
 /* Put the share of the step into the trial; return 0 if it is beyond a limit. */
 static int tries(dermis_search *s) {
     for (int j = 0; j < 2; j++) s->trial[j] = s->x[j] + s->share * s->way[j];
     s->trial[2] = s->x[2] + s->share * s->thimble->platform_radius * s->way[2];
-    return has_room(s);
+    return s->bounded ? restored(s) : has_room(s, 0.0);
 }
 
 /* Put the start into the trial: the configuration that the earlier search predicts for the present target, unless it is
-   beyond a limit or too far away for its slope. */
+   beyond a limit or too far away for its slope. Return 0 if the start is outside the limits. */
 static int began(dermis_search *s) {
-    double gram[16];
+    double gram[16], factor[9];
     s->share = 1.0;
-    if (s->before != NULL && gram_of(s, s->before, s->slope, s->target, gram) && step_of(s, gram, s->way) && dermis_dot(s->way, s->way) <= s->longest * s->longest && tries(s))
+    if (!s->bounded && s->before != NULL && gram_of(s, s->before, s->slope, s->target, gram) && step_of(s, gram, factor, s->way) && dermis_dot(s->way, s->way) <= s->longest * s->longest && tries(s))
         return 1;
     for (int j = 0; j < THREE; j++) s->trial[j] = s->x[j];
-    return has_room(s);
+    if (!s->bounded && has_room(s, 0.0)) return 1;
+    s->bounded = 1;
+    return has_room(s, -s->on_limit);
+}
+
+static int steps(dermis_search *s);
+
+/* Go on as a bounded search from the present configuration; return 0 if the search ends. */
+static int bound(dermis_search *s) {
+    double angles[THREE], margin;
+    s->bounded = 1, s->actives = 0;
+    return close_legs(s->thimble, s->x, angles, &margin, s->slopes) && steps(s);
+}
+
+/* Choose the next trial of a bounded search; return 0 if there is none. */
+static int tries_shorter(dermis_search *s) {
+    for (; s->share >= s->shortest; s->share *= 0.5) {
+        if (tries(s)) return 1;
+        if (s->share * s->length < s->small_step) return 0;
+    }
+    return 0;
+}
+
+/* End the search after a step of which no share lowers the cost enough. */
+static int stalls(dermis_search *s) {
+    s->iterations++;
+    if (s->why != DERMIS_GAIN) s->why = s->length <= s->small_step ? DERMIS_STEP : s->evaluations >= s->most_evaluations ? DERMIS_LIMIT : DERMIS_STALLED;
+    return 0;
 }
 
 /* Choose the next step; return 0 if the search ends, and then set `why`. */
 static int steps(dermis_search *s) {
     const double *g = s->gram, gradient[3] = {g[3], g[7], g[11]};
-    double left = dermis_root(dermis_dot(gradient, gradient)), weight = (g[0] + g[5] + g[10]) * g[15], hardly, promise;
+    double weight = (g[0] + g[5] + g[10]) * g[15], left = dermis_root(dermis_dot(gradient, gradient)), hardly, promise, factor[9], free[3];
+    int whole = step_of(s, g, factor, free);
+    for (int k = 0; k < 3; k++) s->way[k] = free[k];
+    if (s->bounded && whole) left = choose(s, factor, free);
     s->kkt = weight > 0.0 ? left / dermis_root(weight) : 0.0;
     s->why = DERMIS_LIMIT;
     if (2.0 * s->cost <= s->goal) return 0;
     if (s->kkt <= s->optimal) return s->why = DERMIS_OPTIMAL, 0;
-    if (s->iterations >= s->most_steps || s->evaluations >= s->most_evaluations || !step_of(s, g, s->way)) return 0;
+    if (s->iterations >= s->most_steps || s->evaluations >= s->most_evaluations || !whole) return 0;
     s->length = dermis_root(dermis_dot(s->way, s->way));
     for (int j = 0; j < THREE && s->length > s->longest; j++) s->way[j] *= s->longest / s->length;
     s->descent = -dermis_dot(gradient, s->way);
+    if (s->bounded) return s->share = 1.0, tries_shorter(s) || stalls(s);
     hardly = s->follows && s->evaluations > 1 ? s->later : s->hardly, promise = 0.5 * s->reach * s->descent;
     if (promise <= hardly * s->cost) return s->why = DERMIS_GAIN, 0;
     s->share = s->reach < s->nearly ? s->reach : 1.0;
-    if (!tries(s)) return s->why = DERMIS_BOUNDED, 0;
+    if (!tries(s)) return bound(s);
     if (promise > s->foreseen * s->cost) return 1;
     for (int64_t k = 0; k < s->size; k++) {
         const double *slope = s->values + s->size + k, way[3] = {s->way[0], s->way[1], s->way[2] * s->thimble->platform_radius};
@@ -212,34 +400,29 @@ static int judged(dermis_search *s, const double *gram) {
     s->reach = curve > 0.0 ? dermis_least(dermis_most(0.5 * s->share * full / curve, s->least_reach), 1.0) : 1.0;
     /* a pose without contact has no gradient that would lead back to contact, so it is never taken */
     if (cost <= s->cost - s->armijo * dermis_most(full, 0.0) && cost < s->cost && gram[0] + gram[5] + gram[10] > 0.0) {
-        double moved = s->share * dermis_least(s->length, s->longest), gained = 1.0 - cost / s->cost;
+        double way[3] = {s->trial[0] - s->x[0], s->trial[1] - s->x[1], (s->trial[2] - s->x[2]) / s->thimble->platform_radius};
+        double moved = dermis_root(dermis_dot(way, way)), gained = 1.0 - cost / s->cost;
         take(s);
         s->cost = cost, s->iterations++;
         for (int k = 0; k < 16; k++) s->gram[k] = gram[k];
         if (moved > s->small_step && gained > s->small_gain) return steps(s);
         return s->why = moved <= s->small_step ? DERMIS_STEP : DERMIS_GAIN, 0;
     }
-    s->why = s->length <= s->small_step ? DERMIS_STEP : s->evaluations >= s->most_evaluations ? DERMIS_LIMIT : DERMIS_STALLED;
-    if (s->share * s->length >= s->small_step && s->evaluations < s->most_evaluations) {
-        if (curve > 0.0 && 0.25 * full * full / curve <= (s->follows ? s->later : s->hardly) * s->cost) {
-            s->why = DERMIS_GAIN;
-        } else {
-            s->share *= curve > 0.0 ? dermis_least(dermis_most(0.5 * full / curve, 0.1), 0.5) : 0.5;
-            if (s->share >= s->shortest) {
-                if (tries(s)) return 1;
-                return s->why = DERMIS_BOUNDED, 0;
-            }
-        }
-    }
-    s->iterations++;
-    return 0;
+    s->why = DERMIS_STALLED;
+    if (s->share * s->length < s->small_step || s->evaluations >= s->most_evaluations) return stalls(s);
+    if (!s->bounded && curve > 0.0 && 0.25 * full * full / curve <= (s->follows ? s->later : s->hardly) * s->cost)
+        return s->why = DERMIS_GAIN, stalls(s);
+    s->share *= curve > 0.0 ? dermis_least(dermis_most(0.5 * full / curve, 0.1), 0.5) : 0.5;
+    if (s->bounded) return tries_shorter(s) || stalls(s);
+    if (s->share < s->shortest) return stalls(s);
+    return tries(s) || bound(s);
 }
 
 DERMIS_NOINLINE static int32_t descend(dermis_search *s) {
     double gram[16];
     int given = s->phase != BEGINS, on = 1;
     if (!given) {
-        s->iterations = s->evaluations = s->presses = s->own = s->held = 0, s->why = DERMIS_BOUNDED, s->goal = 0.0;
+        s->iterations = s->evaluations = s->presses = s->own = s->held = s->actives = 0, s->why = DERMIS_OUTSIDE, s->goal = 0.0;
         for (int64_t k = 0; k < s->size; k++) s->goal += s->target[k] * s->target[k];
         s->goal *= s->exact * s->exact;
         if (!began(s)) return DERMIS_DONE;
@@ -259,7 +442,8 @@ DERMIS_NOINLINE static int32_t descend(dermis_search *s) {
         }
         given = 0;
     }
-    if (s->why != DERMIS_BOUNDED && 2.0 * s->cost <= s->goal) {
+    if (s->bounded) s->reach = 1.0;
+    if (2.0 * s->cost <= s->goal) {
         s->why = DERMIS_EXACT;
         s->kkt = s->goal > 0.0 ? s->exact * dermis_root(2.0 * s->cost / s->goal) : 0.0;
     }
@@ -267,7 +451,8 @@ DERMIS_NOINLINE static int32_t descend(dermis_search *s) {
 }
 
 static int sound(const dermis_search *s) {
-    return s->thimble != NULL && s->size >= 1 && s->phase >= BEGINS && s->phase <= TRIES && (s->disc == NULL || s->disc->freedoms == THREE);
+    return s->thimble != NULL && s->size >= 1 && s->phase >= BEGINS && s->phase <= TRIES && s->actives >= 0 && s->actives <= 3 &&
+           (s->bounded == 0 || s->bounded == 1) && (s->disc == NULL || s->disc->freedoms == THREE);
 }
 
 DERMIS_FUNCTION(dermis_descend, dermis_search, sound, descend)

@@ -16,11 +16,10 @@ import numpy as np
 from ..arrays import Array
 from ..devices.disc_device import DiscDevice, scale_of
 from ..devices.disc_pose import placed
-from ..devices.thimble import Thimble
 from ..skin.model import SkinModel
 from ..skin.stimulus import Stimulus
-from .box_descent import descend_in_box
-from .gauss_newton import Minimum, ServoLimits, minimise
+from .descent import Descent
+from .gauss_newton import Minimum, ServoLimits
 
 # Weight of the previous configuration relative to the contact. It decides tilts that a contact along a line leaves
 # open.
@@ -89,6 +88,6 @@ def fit_plane(device: DiscDevice, patch: ContactPatch, start: Array, limits: Ser
         return np.concatenate([gap, hold * x]), np.concatenate([slope, np.diag(hold)])
 
     target = np.concatenate([np.zeros(len(patch.points)), hold * start])
-    if not isinstance(device, Thimble):
-        return descend_in_box(evaluate, target, start, device, limits, max_evaluations=60)
-    return minimise(evaluate, target, start, device, limits, tolerance=1e-8, max_iterations=30, max_evaluations=60)
+    return Descent(device, bounded=True, tolerance=1e-8, most_steps=30, most_evaluations=60)(
+        evaluate, target, start, limits
+    )

@@ -1,17 +1,18 @@
-"""Gauss-Newton search for a thimble's pose while no servo limit is active.
+"""Gauss-Newton search for a thimble's pose within servo limits.
 
-The steps are those of `gauss_newton.minimise` without constraints. They are compiled (`core/kernels/search.c`), together
-with the kinematics of the linkage and the contact of the disc. If a trial point violates a limit, `minimise` continues
-from the current point.
+The unknowns are the three values of the device's configuration. The search is compiled (`core/kernels/search.c`),
+together with the kinematics of the linkage and the contact of the disc. Once a trial point violates a limit, each step
+minimises the linearised mismatch subject to the linearised limits. This quadratic program is solved exactly; a line
+search on the true mismatch follows. Every trial point keeps the limits, and the mismatch never rises.
 
-Source: [S0] 5.2, without active constraints
+Source: [S0] 5.2
 """
 
 from __future__ import annotations
 
 import ctypes
 from ctypes import byref
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 
@@ -42,19 +43,18 @@ from .gauss_newton import (
     SMALL_STEP,
     Evaluate,
     Minimum,
+    ON_LIMIT,
     ServoLimits,
-    minimise,
 )
 
-_PARTS = ("low", "high", "x", "trial", "room", "angles")  # of a record, see `records.place_of`
+_PARTS = ("low", "high", "x", "trial", "room", "angles", "multipliers")  # of a record, see `records.place_of`
 # names of the reasons for the end of a search, see `Minimum.why`, by the numbers of the kernels
 _WHY = {
     records.HEADER.constants[name.upper()]: name
     for name in ("limit", "optimal", "gain", "foreseen", "stalled", "step", "exact")
 }
 
-_LOW, _HIGH, _X, _TRIAL, _ROOM, _ANGLES = map(records.place_of, [records.SearchRecord] * 6, _PARTS)
-_NONE = np.zeros(0)
+_LOW, _HIGH, _X, _TRIAL, _ROOM, _ANGLES, _MULTIPLIERS = (records.place_of(records.SearchRecord, p) for p in _PARTS)
 
 
 class Descent:
@@ -65,10 +65,23 @@ class Descent:
     Args:
         device: the device, which decides between the two methods.
         model: model that is evaluated by the kernels; None evaluates any model by its function.
+        bounded: whether all steps regard the limits, not just those after the first violation. The search then also
+            tries steps that promise hardly any gain.
+        tolerance: KKT residual at which the search ends.
+        most_steps, most_evaluations: largest number of steps, and of evaluations of the model.
     """
 
-    def __init__(self, device: DiscDevice, model: DirectModel | None = None) -> None:
-        self.device, self.model = device, model
+    def __init__(
+        self,
+        device: DiscDevice,
+        model: DirectModel | None = None,
+        *,
+        bounded: bool = False,
+        tolerance: float = OPTIMAL,
+        most_steps: int = MAX_ITERATIONS,
+        most_evaluations: int = MAX_EVALUATIONS,
+    ) -> None:
+        self.device, self.model, self.most_evaluations = device, model, most_evaluations
         if not isinstance(device, Thimble):
             return
         mount = device.mount[:3, :3].ravel().tolist() + device.mount[:3, 3].tolist()
@@ -76,7 +89,9 @@ class Descent:
         self._thimble = records.ThimbleRecord(**links, least=MIN_MARGIN, mount=tuple(mount))
         self._blank = records.SearchRecord(
             thimble=ctypes.addressof(self._thimble),
-            optimal=OPTIMAL,
+            bounded=int(bounded),
+            on_limit=ON_LIMIT,
+            optimal=tolerance,
             small_step=SMALL_STEP,
             exact=EXACT,
             small_gain=SMALL_GAIN,
@@ -88,8 +103,8 @@ class Descent:
             longest=LONGEST,
             armijo=ARMIJO,
             damping=DAMPING,
-            most_steps=MAX_ITERATIONS,
-            most_evaluations=MAX_EVALUATIONS,
+            most_steps=most_steps,
+            most_evaluations=most_evaluations,
         )
 
     def __call__(
@@ -129,7 +144,8 @@ class Descent:
         device, limits = self.device, limits or ServoLimits.of(self.device)
         if not isinstance(device, Thimble):
             start = start if told is None else self._ahead(start, target, limits, *told)
-            return descend_in_box(evaluate, target, start, device, limits, reach=reach)
+            most = self.most_evaluations
+            return descend_in_box(evaluate, target, start, device, limits, max_evaluations=most, reach=reach)
         size, record = len(target), records.SearchRecord.from_buffer_copy(self._blank)
         numbers, (values, trial) = np.frombuffer(record), np.empty((2, 4, size))
         target = np.ascontiguousarray(target, np.float64)
@@ -151,12 +167,15 @@ class Descent:
         x, stimulus = numbers[_X], values[0]
         if self.model is not None:
             self.model.take(record, numbers, x, stimulus)
-        if record.why not in _WHY:  # a limit is met, or the start is outside the limits, which is an error
-            more = minimise(evaluate, target, x, device, limits)
-            if not record.evaluations:
-                return more
-            counts = more.iterations + record.iterations, more.evaluations + record.evaluations
-            return replace(more, start_cost=record.start_cost, iterations=counts[0], evaluations=counts[1])
+        if record.why not in _WHY:
+            room, _ = limits.constraints(device, start)  # an error of its own if a leg cannot reach
+            raise DermisError(
+                "the start is outside the servos' range",
+                where="thimble",
+                value=f"{np.degrees(room.min()):.3g} deg of room",
+                limit=">= 0",
+            )
+        active = tuple(record.active[: record.actives])
         return Minimum(
             x,
             numbers[_ANGLES],
@@ -165,8 +184,8 @@ class Descent:
             record.start_cost,
             record.cost,
             record.kkt,
-            (),
-            _NONE,
+            active,
+            numbers[_MULTIPLIERS][: len(active)],
             numbers[_ROOM],
             record.iterations,
             record.evaluations,

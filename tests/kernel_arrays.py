@@ -112,7 +112,8 @@ class Case:
                 if not field.type.endswith("*"):
                     found += [getattr(record, field.name)] * (field.name in self.results)
                 elif not field.type.startswith("const") and field.name not in WORKSPACES:
-                    found.append(record.kept.get(field.name, ()))
+                    kept = record.kept.get(field.name, ())
+                    found.append(() if isinstance(kept, ctypes.Structure) else kept)
         return b"".join(np.asarray(one).tobytes() for one in found)
 
 
@@ -662,7 +663,8 @@ class Pressed(Case):
     radius, rounding, margin, tolerance, most = 4e-3, 1e-3, 1e-4, 1e-9, 10
     results = "residual", "steps", "strays", "touching"
 
-    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
+    def disc(self) -> Any:
+        """Return the record of the disc."""
         points, n, free = len(self.positions), len(self.near), self.freedoms
         rows = (3 * self.near[:, None] + np.arange(3)).ravel()
         self.gap, self.answers = np.full(points, np.nan), np.full((n, 3, 1 + free), np.nan)
@@ -672,7 +674,10 @@ class Pressed(Case):
         numbers["leading"] = self.told.shape[2] - 1
         work = {"room": np.full((60 + 3 * free + 18 * n) * n, np.nan), "indices": np.full(8 * n, 2**62)}
         out = {"answer": self.answers, "offset": np.full((n, 3), np.nan)}
-        record = filled(records.DiscRecord, self, compliance=part, **numbers, **work, **out)
+        return filled(records.DiscRecord, self, compliance=part, **numbers, **work, **out)
+
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
+        points, n, free, record = len(self.positions), len(self.near), self.freedoms, self.disc()
         status = self._call(own.dermis_press_disc, record, **changed)
         yield status
         if status or record.strays:
@@ -709,3 +714,104 @@ def drawn_pressed(seed: int) -> Pressed:
     friction, weight = float(rng.choice([0.0, 0.4, 1.0])), 1.0 / float(np.median(np.diag(compliance)))
     fixed = positions, places, anchors, anchored, sticking, near, compliance, less, pose, told
     return Pressed(*fixed, friction, weight, free)
+
+
+@dataclass(eq=False)
+class Searched(Case):
+    """A search for a thimble's pose: of a disc on points of skin, or of a map that the caller evaluates.
+
+    Attributes:
+        pressed: disc and points; None for the map.
+        matrix: of the map from pitch, roll, and distance over 0.01 m (k, 3).
+        observation: of the disc's contact (points, 3, k).
+        earlier: target and derivative of an earlier search that ended at the start; None for none.
+    """
+
+    pressed: Pressed | None
+    matrix: Array
+    observation: Array
+    target: Array
+    x: Array
+    low: Array
+    high: Array
+    earlier: tuple[Array, Array] | None
+    bounded: int
+    follows: int
+    foreseen: float
+    least: float = 0.03
+    most_evaluations: int = 16
+    reach, optimal, small_step, exact, small_gain, hardly, later = 1.0, 3e-3, 1e-4, 1e-6, 1e-3, 2.5e-3, 1e-2
+    least_reach, nearly, shortest, longest, armijo, damping, most_steps = 0.25, 0.8, 1.0 / 64.0, 0.35, 1e-4, 1e-9, 20
+    on_limit = 1e-9
+    results = (
+        "x",
+        "at",
+        "pose",
+        "room",
+        "angles",
+        "slopes",
+        "multipliers",
+        "active",
+        "actives",
+        "bounded",
+        "why",
+        "own",
+    )
+    results += (
+        "held",
+        "residual",
+        "steps",
+        "reach",
+        "start_cost",
+        "cost",
+        "kkt",
+        "iterations",
+        "evaluations",
+        "presses",
+    )
+
+    def value(self, x: Array) -> tuple[Array, Array]:
+        """Return the map at a configuration, shape (k,), and its derivative, shape (3, k)."""
+        unit = np.array([1.0, 1.0, 100.0])
+        y = self.matrix @ ((x - [0.0, 0.0, 0.018]) * unit)
+        return y + 0.3 * y * y, (self.matrix * (1.0 + 0.6 * y)[:, None] * unit).T
+
+    def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
+        size = len(self.target)
+        mount = [-1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.018]
+        links = {"platform_radius": 0.01, "base_radius": 0.015, "crank": 0.01, "rod": 0.02, "bend": 1.0, "side": 1.0}
+        thimble = filled(records.ThimbleRecord, servo_zero=0.4024712149242631, least=self.least, mount=mount, **links)
+        arrays: dict[str, Any] = {name: np.full((4, size), np.nan) for name in ("values", "trial_values")}
+        arrays["answer"] = None
+        if self.earlier is not None:
+            arrays |= dict(zip(("before", "slope"), self.earlier, strict=True))
+        disc = None
+        if self.pressed is not None:
+            disc, n = self.pressed.disc(), len(self.pressed.near)
+            arrays |= {"answer": np.full((n, 3, 4), np.nan), "moved": np.full((n, 3), np.nan)}
+            arrays |= {"status": np.full(n, 7, np.int8)}
+        record = filled(records.SearchRecord, self, thimble=thimble, disc=disc, size=size, **arrays)
+        status = self._call(own.dermis_descend, record, **changed)
+        while status == records.ASKS and disc is None:
+            arrays["trial_values"][0], arrays["trial_values"][1:] = self.value(np.array(record.trial))
+            status = self._call(own.dermis_descend, record)
+        yield records.DONE if status == records.ASKS else status  # Newton's method does not solve a contact
+
+
+def drawn_search(seed: int) -> Searched:
+    """Return a search within wide or narrow limits, alone or after another one, by a disc or a map."""
+    rng = np.random.default_rng(seed)
+    k, pressed = int(rng.integers(3, 20)), drawn_pressed(6 * seed + 1) if seed % 2 else None
+    points = 1 if pressed is None else len(pressed.positions)
+    if pressed is not None:
+        pressed.near, pressed.told = np.arange(points), np.zeros((points, 3, 1))
+    x = np.array([*rng.uniform(-0.1, 0.1, 2), 0.018 - rng.uniform(0.0, 1e-3)])
+    matrix = rng.normal(size=(k, 3))
+    target = 0.3 * matrix @ rng.normal(size=3) + 0.1 * rng.normal(size=k)
+    slope = np.ascontiguousarray(matrix.T) * np.array([[1.0], [1.0], [100.0]])
+    earlier = (target + 0.01 * rng.normal(size=k), slope) if seed % 3 else None
+    wide = 0.7 if seed % 4 < 2 else 0.1
+    limits = np.full(3, -wide), np.full(3, wide)
+    observation = rng.normal(size=(points, 3, k))
+    foreseen = 0.02 if seed % 5 == 0 else 0.0
+    return Searched(pressed, matrix, observation, target, x, *limits, earlier, seed % 7 == 0, seed % 3 == 0, foreseen)

@@ -210,7 +210,7 @@ class DiscContact:
         """
         record = self._armed(len(pose.spin), pose.turning, told, at, steps)
         self._out = out = _results(len(self.near), len(pose.spin))
-        record.answer, record.moved, record.status = map(address, out)
+        record.answer, record.moved, record.status = (address(array) for array in out)
         ahead = pose.x if at is None else pose.x - at
         parts = pose.rotation.ravel(), pose.centre, pose.spin.ravel(), pose.shift.ravel(), ahead
         placed = np.concatenate(parts)
@@ -250,11 +250,11 @@ class DiscContact:
         """
         told, at = self._told
         record = self._armed(3, 2, told, at, MAX_STEPS)
-        record.answer, record.moved, record.status = map(address, self._trial)
+        record.answer, record.moved, record.status = (address(array) for array in self._trial)
         search.disc, search.held, search.own = ctypes.addressof(record), 0, 0
         search.at[:] = (0.0, 0.0, 0.0) if at is None else at.tolist()
         self._lent = _results(len(self.near), 3)
-        search.answer, search.moved, search.status = map(address, self._lent)
+        search.answer, search.moved, search.status = (address(array) for array in self._lent)
 
     def taken(self, search: records.SearchRecord, numbers: Array) -> DiscSolution | None:
         """Return the contact at the result of a search to which `lend` gave this contact.

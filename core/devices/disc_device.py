@@ -87,8 +87,8 @@ class DiscDevice(Protocol):
         """
         ...
 
-    def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return constraints c(x) >= 0 and their derivative, see `ServoLimits`.
+    def constraints(self, x: ArrayLike, low: Array, high: Array) -> Array:
+        """Return constraints c(x) >= 0, see `ServoLimits`.
 
         Args:
             x: configuration, shape (n,).

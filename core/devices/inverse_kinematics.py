@@ -6,7 +6,14 @@ the direction e of the leg, and the radii rp of the platform and rb of the base:
 
     r = rp (3/2 - a_z / 2 - 2 m^2 / (1 + a_z)) - rb        h = d - rp m
 
-Source: [S0] 3.1; its kinematics are replaced by a closed form of the 3-RRS, see `core/THEORY.md`.
+At a singular pose, the platform can move although all three servos are held, because the constraints of the rods are
+linearly dependent. Singular poses are within the servos' range, at tilts of 30 degrees and more. A device must stay on
+the same side of the singular poses as its level pose. A movement of the platform changes the length of a rod with unit
+direction l by l . d(r, h). The margin is the determinant of these changes for the three rods, scaled to be 1 for a
+level platform on upright rods. The search of the kernels (`core/kernels/search.c`) has its derivative, too.
+
+Source: [S0] 3.1; its kinematics are replaced by a closed form of the 3-RRS, see `core/THEORY.md`; Gosselin and Angeles
+1990 for the kind of singularity
 """
 
 from __future__ import annotations
@@ -27,7 +34,7 @@ UPRIGHT = 1.5 * math.sqrt(3.0)
 def inverse_kinematics(linkage: Linkage, pitch: float, roll: float, distance: float) -> tuple[list[float], float]:
     """Return the angles of the servos and the singularity margin.
 
-    See `singularity` for the margin. All numbers are Python floats. The angles are counted from neutral [rad].
+    All numbers are Python floats. The angles are counted from neutral [rad].
 
     Args:
         linkage: links of the platform.

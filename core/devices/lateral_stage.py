@@ -107,8 +107,8 @@ class LateralStage:
         slopes[:3, :3] = by_x
         return np.concatenate([angles, at[3:]]), slopes
 
-    def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return the constraints c(x) >= 0, shape (13,), and dc/dx, shape (13, 6).
+    def constraints(self, x: ArrayLike, low: Array, high: Array) -> Array:
+        """Return the constraints c(x) >= 0, shape (13,).
 
         They are the room to the six upper limits, the margin to the singularity, and the room to the six lower limits.
 
@@ -116,10 +116,8 @@ class LateralStage:
             DermisError: a leg cannot reach.
         """
         at = np.asarray(x, np.float64)
-        values, slopes = self.joints(at)
-        margin, softer = self.thimble.constraints(at[:3], low[:3], high[:3])
-        slope = np.concatenate([softer[6], np.zeros(3)])
-        return np.concatenate([high - values, margin[6:], values - low]), np.vstack([-slopes, slope, slopes])
+        values, margin = self.joints(at)[0], self.thimble.constraints(at[:3], low[:3], high[:3])[6:]
+        return np.concatenate([high - values, margin, values - low])
 
     def holds(self, x: Array, low: Array, high: Array) -> bool:
         """Return whether x is within limits and the platform is held firmly.

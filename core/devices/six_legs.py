@@ -106,15 +106,14 @@ class SixLegs:
         slopes: Array = along @ (_DOWN @ pose.d_centre) + moment @ (pose.spin @ _DOWN).T
         return length, slopes
 
-    def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return the constraints c(x) >= 0, shape (13,), and dc/dx, shape (13, 6).
+    def constraints(self, x: ArrayLike, low: Array, high: Array) -> Array:
+        """Return the constraints c(x) >= 0, shape (13,).
 
         They are the room to the six largest lengths [m], the conditioning minus `hold`, and the room to the six
-        smallest lengths [m]. The derivative of the conditioning is not computed; zero is returned instead.
+        smallest lengths [m].
         """
-        length, slopes = self.joints(x)
-        room = np.concatenate([high - length, [self._hold(*self._legs(self.pose(x))[1:]) - self.hold], length - low])
-        return room, np.concatenate([-slopes, np.zeros((1, 6)), slopes])
+        length, *way = self._legs(self.pose(x))
+        return np.concatenate([high - length, [self._hold(*way) - self.hold], length - low])
 
     def holds(self, x: Array, low: Array, high: Array) -> bool:
         """Return whether all legs are within limits and hold the platform firmly.

@@ -22,7 +22,6 @@ from .forward_kinematics import configuration
 from .inverse_kinematics import inverse_kinematics
 from .linkage import Linkage, PlatformPose
 from .servo_limits import SERVOS, servo_bounds, servo_speed
-from .singularity import singularity_margin
 from .spec import DeviceSpec
 
 # Least allowed singularity margin. At this margin an error of a servo's angle turns the platform by 15 times the error.
@@ -71,8 +70,8 @@ class Thimble(Linkage):
             return np.full(3, -self.servo_range), np.full(3, self.servo_range)
         return self.bounds[0], self.bounds[1]
 
-    def constraints(self, x: ArrayLike, low: Array, high: Array) -> tuple[Array, Array]:
-        """Return the constraints c(x) >= 0 of a configuration and dc/dx.
+    def constraints(self, x: ArrayLike, low: Array, high: Array) -> Array:
+        """Return the constraints c(x) >= 0 of a configuration, shape (7,).
 
         The first three values are the highest angles minus the servos' angles [rad]. The next three are the servos'
         angles minus the lowest angles [rad]. The last is the singularity margin minus `MIN_MARGIN`.
@@ -81,16 +80,11 @@ class Thimble(Linkage):
             x: pitch, roll [rad] and distance [m], shape (3,).
             low, high: limits of the servos' angles from neutral [rad], shape (3,) each.
 
-        Returns:
-            c, shape (7,), and dc/dx, shape (7, 3).
-
         Raises:
             DermisError: a leg cannot reach.
         """
-        at = np.asarray(x, dtype=np.float64)
-        angles, by_x = (np.array(rows) for rows in self.angles_from_neutral(self.pose(at)))
-        margin, softer = singularity_margin(self, *at.tolist())
-        return np.concatenate([high - angles, angles - low, [margin - MIN_MARGIN]]), np.vstack([-by_x, by_x, softer])
+        angles, margin = inverse_kinematics(self, *np.asarray(x, dtype=np.float64).tolist())
+        return np.concatenate([high - angles, angles - low, [margin - MIN_MARGIN]])
 
     def joints(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return the angles of the servos and their derivative.
@@ -134,23 +128,13 @@ class Thimble(Linkage):
 
         Tilt and limits are in rad, the distance is in m.
         """
-        return self.room(pitch, roll, distance, low, high) is not None
-
-    def room(
-        self, pitch: float, roll: float, distance: float, low: list[float], high: list[float]
-    ) -> list[float] | None:
-        """Return c(x) of `constraints` as Python floats; None if not allowed.
-
-        A configuration is not allowed if a leg cannot reach, or if a value of c is negative.
-        """
         if not (abs(pitch) < QUARTER and abs(roll) < QUARTER):
-            return None
+            return False
         try:
             angles, margin = inverse_kinematics(self, pitch, roll, distance)
         except DermisError:
-            return None
-        room = [*map(sub, high, angles), *map(sub, angles, low), margin - MIN_MARGIN]
-        return room if min(room) >= 0.0 else None
+            return False
+        return min([*map(sub, high, angles), *map(sub, angles, low), margin - MIN_MARGIN]) >= 0.0
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
         """Return the configuration for given servo angles, see `configuration`.

@@ -7,8 +7,9 @@ loader compares their layout with that of the library.
 from __future__ import annotations
 
 import ctypes
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
+import numpy as np
 from numpy.typing import NDArray
 
 from . import building
@@ -31,11 +32,16 @@ def address(array: NDArray[Any]) -> int:
         return int(array.__array_interface__["data"][0])
 
 
-def place_of(record: type[ctypes.Structure], name: str) -> slice:
-    """Return the place of a field of doubles among all numbers of a record.
+def numbers_of(record: ctypes.Structure) -> NDArray[np.float64]:
+    """Return the memory of a record as numbers, of which only those at a `place_of` a field have a meaning.
 
-    `np.frombuffer(record)` are these numbers. Its parts are read and written faster than the fields themselves.
+    Arrays of numbers are read and written faster than a record's own fields.
     """
+    return np.frombuffer(cast(Any, record))
+
+
+def place_of(record: type[ctypes.Structure], name: str) -> slice:
+    """Return the place of a field of doubles in `numbers_of` a record."""
     field = getattr(record, name)
     return slice(field.offset // 8, (field.offset + field.size) // 8)
 

@@ -132,7 +132,7 @@ def descend_in_box(
         if moved <= SMALL_STEP or gained <= SMALL_GAIN:
             why = "step" if moved <= SMALL_STEP else "gain"
             break
-    room = limits.constraints(device, x)[0]
+    room = limits.constraints(device, x)
     return Minimum(
         x,
         device.joints(x)[0],

@@ -37,13 +37,13 @@ from .gauss_newton import (
     MAX_EVALUATIONS,
     MAX_ITERATIONS,
     NEARLY,
+    ON_LIMIT,
     OPTIMAL,
     SHORTEST,
     SMALL_GAIN,
     SMALL_STEP,
     Evaluate,
     Minimum,
-    ON_LIMIT,
     ServoLimits,
 )
 
@@ -147,7 +147,7 @@ class Descent:
             most = self.most_evaluations
             return descend_in_box(evaluate, target, start, device, limits, max_evaluations=most, reach=reach)
         size, record = len(target), records.SearchRecord.from_buffer_copy(self._blank)
-        numbers, (values, trial) = np.frombuffer(record), np.empty((2, 4, size))
+        numbers, (values, trial) = records.numbers_of(record), np.empty((2, 4, size))
         target = np.ascontiguousarray(target, np.float64)
         record.size, record.reach, record.foreseen, record.follows = size, reach, foreseen, follows
         record.target, record.values, record.trial_values = address(target), address(values), address(trial)
@@ -168,7 +168,7 @@ class Descent:
         if self.model is not None:
             self.model.take(record, numbers, x, stimulus)
         if record.why not in _WHY:
-            room, _ = limits.constraints(device, start)  # an error of its own if a leg cannot reach
+            room = limits.constraints(device, start)  # an error of its own if a leg cannot reach
             raise DermisError(
                 "the start is outside the servos' range",
                 where="thimble",

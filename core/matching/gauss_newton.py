@@ -123,10 +123,8 @@ class ServoLimits:
         """
         return ServoLimits(np.maximum(self.low, angles - change), np.minimum(self.high, angles + change))
 
-    def constraints(self, device: DiscDevice, x: Array) -> tuple[Array, Array]:
-        """Return the constraints c(x) and their derivative within these bounds, see the device's `constraints`.
-
-        For a thimble the shapes are (7,) and (7, 3).
+    def constraints(self, device: DiscDevice, x: Array) -> Array:
+        """Return the constraints c(x) within these bounds, see the device's `constraints`; shape (7,) for a thimble.
 
         Raises:
             DermisError: a leg cannot reach.

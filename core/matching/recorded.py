@@ -101,7 +101,7 @@ class RecordedMatcher(StressMatcher):
         stimulus, _ = self.model.evaluate(x)
         residual = stimulus - target
         cost = 0.5 * float(residual @ residual)
-        room, _ = limits.constraints(self.device, x)
+        room = limits.constraints(self.device, x)
         return replace(
             found,
             x=x,

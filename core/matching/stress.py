@@ -70,7 +70,7 @@ class ThimbleFrame:
         unsettled: 0 unless one of two things happened. All evaluations of the law were used up: then it is the error
             of the last predicted stimulus, relative to the target. The law did not converge at `x`: then it is at least
             1.
-        felt: state of the whole skin under the disc, by its law; None on linear skin or without an observer of the skin.
+        felt: state of the whole skin under the disc, by its law; None on linear skin or without an observer of it.
         stress_error: error of the whole stress, relative to the target's. The matcher leaves it 0; `Follower` sets it.
     """
 
@@ -98,8 +98,8 @@ class _Looked:
 
     Attributes:
         minimum: result of the search. solution, stimulus: contact and stimulus at its pose, by the nonlinear law if the
-            skin has one. beyond: stimulus by the law minus stimulus by the search's model there, shape (k,); None if the law
-            was not evaluated.
+            skin has one. beyond: stimulus by the law minus stimulus by the search's model there, shape (k,); None if
+            the law was not evaluated.
         looks, unsettled, rescued: see `ThimbleFrame`.
     """
 
@@ -349,7 +349,7 @@ class StressMatcher:
         stimulus, jacobian = self.model.evaluate(x)
         residual = stimulus - target
         cost = 0.5 * float(residual @ residual)
-        room, _ = limits.constraints(self.device, x)
+        room = limits.constraints(self.device, x)
         ends = room.copy()
         ends[GIVES_WAY] = np.inf
         slowest = (int(ends.argmin()),)  # the active constraint is the joints' speed; the pose is not optimal
@@ -388,7 +388,7 @@ class StressMatcher:
         if self.contact.law is None or not self.follows_law:
             solution = self._contact_at(minimum.x)
             return _Looked(minimum, solution, self._rendered_stimulus(solution, minimum))
-        expected = np.zeros(self.model.size) if expected is None else expected
+        ahead = np.zeros(self.model.size) if expected is None else expected
         size = float(np.linalg.norm(target))
         if self.model is not self.direct:
             self.direct.hold(self.state)
@@ -403,15 +403,15 @@ class StressMatcher:
             now = minimum.stimulus if self.model is not self.direct else self.direct.linear(solution)
             found = _Looked(minimum, solution, stimulus, stimulus - now, looks)
             left = float(np.linalg.norm(stimulus - target)) if solution.settled else np.inf
-            off = float(np.linalg.norm(stimulus - minimum.stimulus - expected)) / max(size, 1e-300)
+            off = float(np.linalg.norm(stimulus - minimum.stimulus - ahead)) / max(size, 1e-300)
             if best is None or left < least:
                 best, least, share = found, left, 1.0
                 close = solution.settled and off <= max(CLOSE, LEFT * left / max(size, 1e-300))
                 if close or self.model is not self.direct or minimum.why == "underway":
                     return best
                 if solution.settled:
-                    before, start, expected = solution.law, minimum.x, found.beyond
-                    minimum = self._descended(target - expected, start, limits)
+                    before, start, ahead = solution.law, minimum.x, stimulus - now
+                    minimum = self._descended(target - ahead, start, limits)
                     continue
             # the residual by the law is not below the best so far, or the law did not converge: take a part of the step
             way = minimum.x - start

@@ -84,7 +84,11 @@ class ThimbleSequence:
 
 
 def collect(
-    frames: list[ThimbleFrame], contact: DiscContact, method: str, skin: SkinModel | None = None, forces: Array | None = None
+    frames: list[ThimbleFrame],
+    contact: DiscContact,
+    method: str,
+    skin: SkinModel | None = None,
+    forces: Array | None = None,
 ) -> ThimbleSequence:
     """Return the sequence made of some frames.
 

@@ -21,7 +21,7 @@ GROUND = set(
 )
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set(
-    "preset_check mechanism linkage inverse_kinematics singularity forward_kinematics servo_limits poses coupling "
+    "preset_check mechanism linkage inverse_kinematics forward_kinematics servo_limits poses coupling "
     "retraction calibration response response_readings frequency_response gain_curve measured_day".split()
 )
 DEVICE = GROUND | {"devices.spec", "devices.mechanisms"}

@@ -21,7 +21,7 @@ def device():
 @pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.3, 0.0), (-0.1, 0.2)])
 def test_at_either_end_a_servo_is_at_its_limit(device, tilt):
     for z in distance_range(device, 0.018, *tilt):
-        assert device.constraints((*tilt, z), *device.servo_limits)[0].min() == pytest.approx(0.0, abs=1e-3)
+        assert device.constraints((*tilt, z), *device.servo_limits).min() == pytest.approx(0.0, abs=1e-3)
         assert device.feasible((*tilt, z))
         away = z + np.sign(z - 0.018) * 5e-6
         assert not device.feasible((*tilt, away))

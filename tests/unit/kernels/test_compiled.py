@@ -27,6 +27,7 @@ from tests.kernel_arrays import (
     Pieces,
     Pressed,
     Rest,
+    Searched,
     Survey,
     Touch,
     drawn,
@@ -36,6 +37,7 @@ from tests.kernel_arrays import (
     drawn_pieces,
     drawn_pressed,
     drawn_rest,
+    drawn_search,
     drawn_skin,
     drawn_survey,
     drawn_touch,
@@ -68,13 +70,15 @@ def answers(own: ctypes.CDLL | RemoteLibrary) -> list[bytes]:
     return out
 
 
-def cases() -> list[Arrays | Contact | Friction | Survey | Law | Rest | Pieces | Pressed | Touch | DrawnSkin]:
+def cases() -> list[
+    Arrays | Contact | Friction | Survey | Law | Rest | Pieces | Pressed | Searched | Touch | DrawnSkin
+]:
     """Return arrays of all kinds for all functions."""
     surveys = [drawn_survey(seed) for seed in range(12)]
     tissue = [*map(drawn_law, range(20)), *map(drawn_rest, range(6))]
     pads = [*surveys, *map(drawn_pieces, range(6)), *map(drawn_skin, range(27))]
     contacts = [*map(drawn_contact, range(20)), *map(drawn_friction, range(20)), *map(drawn_pressed, range(40))]
-    contacts += map(drawn_touch, range(30))
+    contacts += [*map(drawn_touch, range(30)), *map(drawn_search, range(40))]
     return [*(drawn(seed) for seed in range(0, 40, 3)), *contacts, *tissue, *pads]
 
 
@@ -235,7 +239,12 @@ def sanitized(path: str, short: bool = False) -> None:
         if seed % 3 == 0:
             pressed.near[rng.integers(0, len(pressed.near))] = rng.integers(-(2**62), 2**62) % len(pressed.positions)
         refused += any(pressed.call(own))
-    assert 0 < refused < 900
+        search = drawn_search(seed)
+        for name in ("target", "observation", "x", "low", "matrix") if seed % 2 else ():
+            array = getattr(search, name)
+            array.flat[rng.integers(0, array.size)] = rng.choice(bad)
+        refused += any(search.call(own))
+    assert 0 < refused < 1000
     print("tried; refused", refused)
 
 

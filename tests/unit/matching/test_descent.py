@@ -1,4 +1,4 @@
-"""The short descent against the active-set search, and plain servo angles against those with derivatives."""
+"""The search for a pose, by steps that regard the limits and by others; angles against those with derivatives."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from core.devices.lateral_stage import LateralStage
 from core.devices.thimble import mechanism
 from core.errors import DermisError
 from core.matching.descent import Descent
-from core.matching.gauss_newton import EXACT, HARDLY, LATER, ServoLimits, minimise
+from core.matching.gauss_newton import EXACT, HARDLY, LATER, ServoLimits
 from core.presets import Library
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
@@ -23,6 +23,11 @@ SLOPE = np.vstack([np.diag([1.0, 1.0, 100.0]), np.zeros(3)])
 def descend(evaluate, target, start, device, *args, **how):
     """Search with a model that the kernels do not know."""
     return Descent(device)(evaluate, target, start, *args, **how)
+
+
+def minimise(evaluate, target, start, device):
+    """The same with steps that regard the limits from the first on."""
+    return Descent(device, bounded=True)(evaluate, target, start)
 
 
 def curved(x):
@@ -50,7 +55,7 @@ def test_inside_is_what_the_constraints_say():
     for at in ((0.0, 0.0, 0.0), (0.5, 0.3, 0.0), (-0.2, 0.55, 0.0)):
         poses = [(*at[:2], z) for z in np.linspace(0.008, 0.03, 60) if (DEVICE.leg_margins((*at[:2], z)) > 0).all()]
         told = [DEVICE.within(*x, low, high) for x in poses]
-        assert told == [bool(limits.constraints(DEVICE, np.array(x))[0].min() >= 0.0) for x in poses]
+        assert told == [bool(limits.constraints(DEVICE, np.array(x)).min() >= 0.0) for x in poses]
         assert any(told) and not all(told)
 
 
@@ -59,10 +64,10 @@ def test_a_reachable_target_is_found_exactly(goal):
     found = descend(curved, curved(np.array(goal))[0], np.array([0.0, 0.0, 0.018]), DEVICE)
     np.testing.assert_allclose(found.x, goal, atol=1e-6)
     assert found.why == "exact" and found.kkt <= EXACT and not found.active and found.cost <= found.start_cost
-    np.testing.assert_allclose(found.room, DEVICE.constraints(found.x, *DEVICE.servo_limits)[0], atol=1e-12)
+    np.testing.assert_allclose(found.room, DEVICE.constraints(found.x, *DEVICE.servo_limits), atol=1e-12)
 
 
-def test_where_a_limit_is_met_the_active_set_decides():
+def test_where_a_limit_is_met_the_limits_decide():
     """A target far beyond the servos' range: the same constrained minimum as from the general method."""
     beyond = curved(np.array([0.1, -0.2, 0.029]))[0]
     start = np.array([0.0, 0.0, 0.018])
@@ -179,7 +184,7 @@ def test_a_step_that_promises_little_is_taken_without_a_look():
     np.testing.assert_allclose(found.stimulus, flat(found.x)[0], atol=1e-12)
     assert found.cost == pytest.approx(0.5 * float(np.square(found.residual).sum()), rel=1e-8)
     assert found.cost < 0.995 * found.start_cost
-    np.testing.assert_allclose(found.room, DEVICE.constraints(found.x, *DEVICE.servo_limits)[0], atol=1e-12)
+    np.testing.assert_allclose(found.room, DEVICE.constraints(found.x, *DEVICE.servo_limits), atol=1e-12)
     assert descend(flat, target, start, DEVICE, foreseen=0.005).evaluations == 2  # it promises more than that
 
 

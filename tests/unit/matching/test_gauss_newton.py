@@ -1,4 +1,4 @@
-"""The constrained search against the optimality conditions, exact minima and a general solver."""
+"""The search within limits against exact minima and a general solver."""
 
 from __future__ import annotations
 
@@ -7,34 +7,15 @@ import pytest
 
 from core.devices.inverse_kinematics import inverse_kinematics
 from core.errors import DermisError
-from core.matching.gauss_newton import GIVES_WAY, ServoLimits, _quadratic_program, minimise
+from core.matching.descent import Descent
+from core.matching.gauss_newton import GIVES_WAY, ServoLimits
 
 NEUTRAL = np.array([0.0, 0.0, 0.018])
 
 
-def test_the_quadratic_program_meets_its_optimality_conditions():
-    """It is strictly convex, so the conditions hold at one point only: whoever meets them has the answer."""
-    rng = np.random.default_rng(0)
-    bound = steep = 0
-    for _ in range(400):
-        jacobian, residual = rng.normal(size=(8, 3)), rng.normal(size=8)
-        slopes = rng.normal(size=(3, 3))
-        low, high = rng.uniform(0.0, 0.2, 3), rng.uniform(0.0, 0.2, 3)
-        low[rng.random(3) < 0.2] = 0.0  # some limits are touched already
-        # the servos' six, and one that has no opposite
-        room = np.concatenate([high, low, rng.uniform(0.0, 0.2, 1)])
-        both = np.concatenate([-slopes, slopes, rng.normal(size=(1, 3))])
-        step, held, multipliers, _ = _quadratic_program(jacobian, residual, room, both, ())
-        after = room + both @ step
-        assert after.min() > -1e-11
-        assert (multipliers >= 0).all()
-        np.testing.assert_allclose(after[list(held)], 0.0, atol=1e-11)
-        gradient = jacobian.T @ (jacobian @ step + residual)
-        push = both[list(held)].T @ multipliers if held else 0.0
-        np.testing.assert_allclose(gradient, push, atol=1e-7)
-        bound += bool(held)
-        steep += 6 in held
-    assert 100 < bound < 400 and 50 < steep
+def minimise(evaluate, target, start, device, **rules):
+    """Search with steps that regard the limits from the first on."""
+    return Descent(device, bounded=True, **rules)(evaluate, target, start)
 
 
 def test_a_linear_model_is_solved_in_one_step(device):
@@ -55,7 +36,7 @@ def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
     for wanted in ([1.0, 0.2, 0.018], [0.1, -0.9, 0.021], [-0.6, 0.8, 0.008]):
         goal = np.array(wanted) / scale
         found = minimise(
-            lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, max_iterations=60, max_evaluations=200
+            lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, most_steps=60, most_evaluations=200
         )
         other = minimize(
             lambda y, to: 0.5 * ((y - to) ** 2).sum(),
@@ -63,7 +44,7 @@ def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
             (goal,),
             jac=lambda y, to: y - to,
             method="SLSQP",
-            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale, *device.servo_limits)[0]},
+            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale, *device.servo_limits)},
             options={"ftol": 1e-13},
         )
         assert found.room.min() >= 0.0 and found.active
@@ -79,10 +60,10 @@ def test_a_target_beyond_a_singular_pose_ends_at_the_least_singularity_margin(de
     scale = np.array([1.0, 1.0, device.platform_radius])
     for pitch, roll, z in ((36.0, -24.0, 0.0176), (36.5, 2.0, 0.017), (-33.0, -21.0, 0.0165)):
         goal = np.array([np.radians(pitch), np.radians(roll), z]) / scale
-        room, _ = device.constraints(goal * scale, *device.servo_limits)
+        room = device.constraints(goal * scale, *device.servo_limits)
         assert room[:6].min() > 0 > room[6]
         found = minimise(
-            lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, max_iterations=60, max_evaluations=200
+            lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, most_steps=60, most_evaluations=200
         )
         other = minimize(
             lambda y, to: 0.5 * ((y - to) ** 2).sum(),
@@ -90,7 +71,7 @@ def test_a_target_beyond_a_singular_pose_ends_at_the_least_singularity_margin(de
             (goal,),
             jac=lambda y, to: y - to,
             method="SLSQP",
-            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale, *device.servo_limits)[0]},
+            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale, *device.servo_limits)},
             options={"ftol": 1e-13, "maxiter": 300},
         )
         assert found.room.min() >= 0.0 and GIVES_WAY in found.active and found.kkt < 0.02
@@ -104,13 +85,13 @@ def test_tried_points_keep_the_limits_and_the_cost_falls(device):
     seen = []
 
     def evaluate(x):
-        seen.append(device.constraints(x, *device.servo_limits)[0].min())
+        seen.append(device.constraints(x, *device.servo_limits).min())
         p, r, z = x[0], x[1], (x[2] - 0.018) / 0.01
         return np.array([3 * (r - p * p - 0.4), 1.0 - p, z - p * r]), np.array(
             [[-6 * p, 3.0, 0.0], [-1.0, 0.0, 0.0], [-r, -p, 100.0]]
         )
 
-    found = minimise(evaluate, np.zeros(3), NEUTRAL, device, max_iterations=60, max_evaluations=200)
+    found = minimise(evaluate, np.zeros(3), NEUTRAL, device, most_steps=60, most_evaluations=200)
     assert min(seen) >= 0.0
     assert found.cost < found.start_cost and found.active
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -771,10 +772,20 @@ class Searched(Case):
     )
 
     def value(self, x: Array) -> tuple[Array, Array]:
-        """Return the map at a configuration, shape (k,), and its derivative, shape (3, k)."""
-        unit = np.array([1.0, 1.0, 100.0])
-        y = self.matrix @ ((x - [0.0, 0.0, 0.018]) * unit)
-        return y + 0.3 * y * y, (self.matrix * (1.0 + 0.6 * y)[:, None] * unit).T
+        """Return the map at a configuration, shape (k,), and its derivative, shape (3, k).
+
+        They are rounded once, and in the same way in every floating-point environment.
+        """
+        if not (np.abs(self.matrix) < 1e100).all():
+            return np.full(len(self.matrix), np.nan), np.full((3, len(self.matrix)), np.nan)
+        units, middle = (1, 1, 100), (0, 0, Fraction(18, 1000))
+        at = [unit * (Fraction(v) - zero) for unit, v, zero in zip(units, x.tolist(), middle, strict=True)]
+        rows = [[Fraction(v) for v in row] for row in self.matrix.tolist()]
+        y = [sum((a * b for a, b in zip(row, at, strict=True)), Fraction(0)) for row in rows]
+        slopes = [
+            [float(unit * row[j] * (1 + v)) for row, v in zip(rows, y, strict=True)] for j, unit in enumerate(units)
+        ]
+        return np.array([float(v + v * v / 2) for v in y]), np.array(slopes)
 
     def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         size = len(self.target)

@@ -70,7 +70,8 @@ class ThimbleFrame:
         unsettled: 0 unless one of two things happened. All evaluations of the law were used up: then it is the error
             of the last predicted stimulus, relative to the target. The law did not converge at `x`: then it is at least
             1.
-        felt: state of the whole skin under the disc, by its law; None on linear skin or without an observer of it.
+        felt: state of the whole skin under the disc, by its law; None on linear skin, without an observer of it, and
+            from `Follower`, which needs it for the next value alone.
         stress_error: error of the whole stress, relative to the target's. The matcher leaves it 0; `Follower` sets it.
     """
 

@@ -305,7 +305,8 @@ class DiscContact:
             force[solution.near] = solution.force
         if spread is None:
             return forces
-        return np.ascontiguousarray((spread @ forces.reshape(len(forces), -1).T).T).reshape(len(forces), -1, 3)
+        nodal = (spread @ forces.reshape(-1, 3 * self.count).T).T
+        return np.ascontiguousarray(nodal).reshape(-1, self.points.node_count, 3)
 
     def settle(self, solution: DiscSolution) -> FrictionState:
         """Return the friction state after a step that ended with a solution.

@@ -101,7 +101,7 @@ class DirectModel:
         """Return the stimulus and its derivative, computed on linear skin."""
         found = self.solution(x)
         by_force = self._by_force[found.near].reshape(-1, self.size)
-        answer = by_force.T @ found.answer.reshape(len(by_force), -1)
+        answer = by_force.T @ found.answer.reshape(-1, found.answer.shape[2])
         self._told = found, answer[:, 0]
         return answer[:, 0], answer[:, 1:]
 

@@ -188,6 +188,19 @@ def test_without_touch_the_disc_hovers_and_friction_forgets(skin, device, observ
     assert gap == pytest.approx(follower.hover * np.cos(after.x[0]) * np.cos(after.x[1]), rel=1e-3)
 
 
+def test_a_search_that_begins_in_the_air_ends_there(skin, device, observation_matrix):
+    """No point of the skin is near enough to be a candidate: the stimulus and its derivative are zero."""
+    follower = StressMatcher(device, contact_of(device, skin, 0.6), observation_matrix)
+    follower.direct.hold(follower.state)
+    x = np.array([0.0, 0.0, 0.0215])
+    value, slope = follower.direct.evaluate(x)
+    assert not value.any() and not slope.any() and not len(follower.contact.near)
+    target = follower.table.strength[0] * follower.table.direction[0]
+    frame = follower.step(target, start=x)
+    assert not frame.touching and frame.mismatch == 1.0
+    np.testing.assert_array_equal(frame.x, x)
+
+
 def test_servo_speed_is_a_limit_of_the_search(skin, device, observation_matrix):
     forces = touches.ball_roll(30).forces(skin)
     change = np.radians(1.0)

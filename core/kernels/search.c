@@ -221,10 +221,11 @@ static int began(dermis_search *s) {
 
 static int steps(dermis_search *s);
 
-/* Go on as a bounded search from the present configuration; return 0 if the search ends. */
+/* Go on as a bounded search from the present configuration; return 0 if the search ends. It has as many steps and
+   evaluations as one that begins there. */
 static int bound(dermis_search *s) {
     double angles[THREE], margin;
-    s->bounded = 1, s->actives = 0;
+    s->bounded = 1, s->actives = 0, s->most_steps += s->iterations, s->most_evaluations += s->evaluations - 1;
     return dermis_close_legs(s->thimble, s->x, angles, &margin, s->slopes) && steps(s);
 }
 

@@ -27,6 +27,7 @@ from ..errors import DermisError
 NEIGHBOURS = 8  # number of neighbours that are averaged by the inverse square of their distance. Source: [S2] III.B
 AT_ONCE = 4096  # queries whose neighbours' coordinates are held at once
 LEAF = 32  # points in a leaf of the tree; the fastest as measured
+LARGEST = 1e150  # of a value: the squares of larger ones are not finite, so no distance is
 ROUNDING = 1e-12  # rounding error of a distance, relative to the norms of points and queries
 
 
@@ -99,7 +100,7 @@ class NearestPoints:
         first: the first row of each point, shape (p,).
 
     Raises:
-        DermisError: there are no points, or a value is not finite.
+        DermisError: there are no points, or a value is not finite or above `LARGEST`.
     """
 
     def __init__(self, rows: NDArray[Any]) -> None:
@@ -108,6 +109,7 @@ class NearestPoints:
         rows = np.ascontiguousarray(rows, np.float64)
         if rows.ndim != 2 or len(rows) == 0 or not np.isfinite(rows).all():
             raise DermisError("nearest neighbours need finite points", where="look-up table", value=rows.shape)
+        _refuse_huge("a point", rows)
         self.dimensions = rows.shape[1]
         self.points, self.first, point = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         self._by_point = np.argsort(point.ravel(), kind="stable")
@@ -132,7 +134,7 @@ class NearestPoints:
             k: number of neighbours, at least 1.
 
         Raises:
-            DermisError: the queries have another dimension, or a value is not finite.
+            DermisError: the queries have another dimension, or a value is not finite or above `LARGEST`.
         """
         queries = np.ascontiguousarray(queries, np.float64)
         if queries.ndim != 2 or queries.shape[1] != self.dimensions:
@@ -145,6 +147,7 @@ class NearestPoints:
         turned = (queries - self._centre) @ self._axes
         if not np.isfinite(turned).all():
             raise DermisError("a query is not finite", where="look-up table")
+        _refuse_huge("a query", queries)
         k = min(k, len(self.points))
         more = min(k + 1, len(self.points))
         index = self._tree.query(turned, np.arange(1, more + 1))[1]
@@ -183,6 +186,12 @@ class NearestPoints:
             return None
         inverse = 1.0 / squared
         return index, inverse - inverse.min()
+
+
+def _refuse_huge(what: str, values: Array) -> None:
+    largest = float(np.abs(values).max(initial=0.0))
+    if largest > LARGEST:
+        raise DermisError(f"{what} is too large for a distance", where="look-up table", value=largest, limit=LARGEST)
 
 
 def _squared(points: Array, query: Array) -> Array:

@@ -347,3 +347,13 @@ def test_skins_that_are_alike_have_one_table_in_a_process(monkeypatch):
     for rows in (125, 216):
         lookup.keep_table(one, spec, rows, made)
     assert lookup.table_at_hand(one, spec, rows=64) is None, "room for two"
+
+
+def test_values_whose_distances_are_not_finite_are_refused() -> None:
+    points = np.arange(8.0).reshape(4, 2)
+    with pytest.raises(DermisError, match="a point is too large for a distance.*1e\\+200"):
+        NearestPoints(np.vstack([points, [1e200, 0.0]]))
+    with pytest.raises(DermisError, match="a query is too large for a distance.*-?1e\\+200"):
+        NearestPoints(points).query(np.array([[0.0, -1e200]]), 2)
+    far = NearestPoints(np.vstack([points, [nearest.LARGEST, 0.0]])).query(np.array([[-nearest.LARGEST, 0.0]]), 5)
+    assert sorted(far.index[0].tolist()) == [0, 1, 2, 3, 4] and np.isfinite(far.distance).all()

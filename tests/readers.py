@@ -620,6 +620,7 @@ OWN = {
     "core.kernels.building:digest": "its own sources",
     "core.kernels.building:whole": "whole by its digest, or not there",
     "core.kernels.library:loaded_copy": "writes; its original is whole by its digest",
+    "core.kernels.records:numbers_of": "its own record in memory",
     "core.matching.adapt:adapt_job": "files that it has just written",
     "core.matching.screen_map:ScreenMap.save": "writes",
     "core.matching.table:SkinTable.save": "writes",

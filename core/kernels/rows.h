@@ -13,6 +13,12 @@ static inline __attribute__((always_inline)) void add_rows(int64_t size, const f
     for (int64_t k = 0; k < size; k++) image[k] += (x * (double)a[k] + y * (double)b[k]) + z * (double)d[k];
 }
 
+/* Copy the three numbers of each of some points from a row; return the end of the copies. */
+static inline float *gather_row(const float *row, const int64_t *points, int64_t count, float *out) {
+    for (int64_t j = 0; j < count; j++, out += 3) __builtin_memcpy(out, row + 3 * points[j], 3 * sizeof(float));
+    return out;
+}
+
 #if defined(__x86_64__)
 __attribute__((target("avx2"), noinline)) static void add_rows_avx2(int64_t size, const float *a, int64_t stride, const double *f, double *image) {
     add_rows(size, a, stride, f, image);

@@ -187,18 +187,15 @@ static double *gathered(const dermis_contact *contact, const double *values, int
 static double *gathered_rows(const dermis_contact *contact, const rows_of *c, rows_of *out) {
     int64_t side = 3 * contact->given;
     float *narrow = (float *)contact->room;
+    double *wide = contact->room;
     for (int64_t i = 0; i < side; i++) {
         int64_t row = (3 * contact->nodes[i / 3] + i % 3) * c->stride;
-        for (int64_t j = 0; j < contact->given; j++) {
-            int64_t from = row + 3 * contact->nodes[j], to = i * side + 3 * j;
-            for (int k = 0; k < 3; k++)
-                if (c->narrow != NULL)
-                    narrow[to + k] = c->narrow[from + k];
-                else
-                    contact->room[to + k] = c->wide[from + k];
-        }
+        if (c->narrow != NULL)
+            narrow = gather_row(c->narrow + row, contact->nodes, contact->given, narrow);
+        else
+            for (int64_t j = 0; j < contact->given; j++, wide += 3) __builtin_memcpy(wide, c->wide + row + 3 * contact->nodes[j], 3 * sizeof(double));
     }
-    out->narrow = c->narrow != NULL ? narrow : NULL, out->wide = c->narrow != NULL ? NULL : contact->room, out->stride = side, out->avx2 = c->avx2;
+    out->narrow = c->narrow != NULL ? (float *)contact->room : NULL, out->wide = c->narrow != NULL ? NULL : contact->room, out->stride = side, out->avx2 = c->avx2;
     return contact->room + (c->narrow != NULL ? (side * side + 1) / 2 : side * side);
 }
 

@@ -354,10 +354,8 @@ static void gather(dermis_touch *t, view *views, active *near) {
         views[near->points[j]].image = near->image + 3 * j;
         for (int k = 0; k < 3 && changed; k++) {
             const float *row = t->compliance + (3 * near->points[j] + k) * t->stride;
-            float *out = near->compliance + (3 * j + k) * 3 * m;
             near->image[3 * j + k] = t->image[3 * near->points[j] + k];
-            for (int64_t l = 0; l < m; l++)
-                for (int c = 0; c < 3; c++) out[3 * l + c] = row[3 * near->points[l] + c];
+            gather_row(row, near->points, m, near->compliance + (3 * j + k) * 3 * m);
         }
     }
 }

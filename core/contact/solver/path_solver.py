@@ -19,7 +19,7 @@ from ...arrays import Array, Indices
 from ...errors import DermisError, Finding
 from ...kernels.library import kernels
 from .bodies import BONE, ContactBody, Expected, NodeGaps, node_gaps, same_places
-from .compliance import Compliance, Linear, own_compliance, refuse_indefinite
+from .compliance import Compliance, Linear, displaced, own_compliance, refuse_indefinite
 from .cone import assess, carrying
 from .frame_friction import UNMOVED, FrameFriction
 from .history import ContactHistory
@@ -105,7 +105,7 @@ class PathSolver:
             raise DermisError(
                 "the compliance does not fit the nodes", where=name, value=c.shape, limit=f"({3 * m}, {3 * m})"
             )
-        self._c = c
+        self._c = c.astype(np.float32)  # as on points: memory limits the speed of sweeps, and 1e-7 of it is enough
         self._own = own_compliance(c)
         refuse_indefinite(c, name)
         extent = np.sort(np.ptp(self.points, axis=0))
@@ -426,7 +426,7 @@ class PathSolver:
 
     def linear(self, force: Array) -> Array:
         """Return the displacement of linear skin under forces [m], shapes (n, 3) to (n, 3)."""
-        return (self._c @ force.reshape(-1)).reshape(-1, 3)
+        return displaced(self._c, force)
 
     @property
     def _matrix(self) -> NDArray[np.floating]:

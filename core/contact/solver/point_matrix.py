@@ -10,7 +10,7 @@ import numpy as np
 
 from ...arrays import Array, Floats32, Indices
 from ...skin.surface_compliance import SurfaceCompliance
-from .cone import carrying
+from .compliance import displaced
 
 GROWTH = 1.2  # factor by which the memory grows if it is too small
 _THREE = np.dtype("V12")  # the three components of a point in a row, which are moved together
@@ -83,14 +83,7 @@ class PointMatrix:
 
     def displacement(self, force: Array) -> Array:
         """Return the displacement C f [m], shape (n, 3), for forces on the points [N], shape (n, 3)."""
-        loaded = carrying(force).nonzero()[0]
-        if len(loaded) == 0:
-            return np.zeros_like(force)
-        if 2 * len(loaded) > len(force):
-            return (self.matrix @ force.reshape(-1).astype(np.float32)).reshape(-1, 3).astype(np.float64)
-        # The matrix is symmetric, and rows are contiguous in memory.
-        rows = self.matrix.reshape(len(force), 3, -1)[loaded].reshape(3 * len(loaded), -1)
-        return (force[loaded].reshape(-1).astype(np.float32) @ rows).reshape(-1, 3).astype(np.float64)
+        return displaced(self.matrix, force)
 
     def _make_room(self, wanted: int, kept: int) -> None:
         if wanted > len(self._store):

@@ -57,8 +57,20 @@ class NodalForces:
         self._triangles = triangles[(triangles >= 0).all(axis=1)]
         if not len(self._triangles):
             raise DermisError("no triangle of the skin is on the pad", where=f"skin mesh '{mesh.name}'")
-        self._corners = mesh.nodes[mesh.pad][self._triangles]
-        self._centres = self._corners.mean(axis=1)
+        corners = mesh.nodes[mesh.pad][self._triangles]
+        self._centres = corners.mean(axis=1)
+        self._arms = corners - self._centres[:, None]
+        a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        normals = np.cross(a, b)
+        scale = np.einsum("na,na->n", normals, normals)[:, None]
+        # gradients of the barycentric coordinates of points that are projected on the plane of a triangle [1/m]
+        second, third = np.cross(b, normals) / scale, np.cross(normals, a) / scale
+        self._slopes = np.stack([-second - third, second, third], axis=1)
+        self._normals = normals / np.sqrt(scale)
+        squares = np.einsum("nka,nka->n", self._arms, self._arms)[:, None, None] * np.eye(3)
+        # forces on the corners, without a sum, that turn the triangle by a moment about its centre
+        inertia = squares - np.einsum("nka,nkb->nab", self._arms, self._arms)
+        self._turns = _cross(self._arms) @ np.linalg.inv(inertia)[:, None]
 
     @classmethod
     def of(cls, mesh: TetraMesh, chart: PadChart, follows_law: bool = False) -> NodalForces:
@@ -77,8 +89,10 @@ class NodalForces:
             cells: indices of the cells that carry force, shape (n,).
             force: forces on these cells [N], shape (n, 3).
         """
-        nodes, weights = self._weights(cells)
-        on = np.einsum("nkab,nb->nka", weights, np.asarray(force, np.float64)).reshape(-1, 3)
+        force = np.asarray(force, np.float64)
+        carry = force.any(axis=1).nonzero()[0]  # most cells of a frame carry none, and need not be located
+        nodes, weights = self._weights(cells.take(carry))
+        on = np.einsum("nkab,nb->nka", weights, force.take(carry, axis=0)).reshape(-1, 3)
         count = len(self.mesh.pad)
         return np.stack([np.bincount(nodes.reshape(-1), on[:, k], count) for k in range(3)], axis=1)
 
@@ -105,69 +119,43 @@ class NodalForces:
     def _locate(self, cells: Indices) -> NDArray[Any]:
         points = self.chart.cells.positions[cells]
         near = self._nearest(points)
-        shares = _barycentric(self._corners[near], points[:, None])
+        away = points[:, None] - self._centres[near]
+        shares = np.einsum("nika,nia->nik", self._slopes[near], away) + 1.0 / 3.0
         best = shares.min(axis=2).argmax(axis=1)
         rows = np.arange(len(points))
-        beyond = shares[rows, best].min(axis=1) < 0.0
-        share = np.maximum(shares[rows, best], 0.0)
+        triangle, share = near[rows, best], np.maximum(shares[rows, best], 0.0)
         share /= share.sum(axis=1, keepdims=True)
-        triangle = near[rows, best]
-        corners = self._corners[triangle]
-        arms = corners - corners.mean(axis=1, keepdims=True)
-        off = points - np.einsum("nk,nka->na", share, corners)
+        off = away[rows, best] - np.einsum("nk,nka->na", share, self._arms[triangle])
         if self._follows_law:
-            up = np.cross(arms[:, 1] - arms[:, 0], arms[:, 2] - arms[:, 0])
-            up /= np.linalg.norm(up, axis=1, keepdims=True)
+            beyond = shares[rows, best].min(axis=1) < 0.0
+            up = self._normals[triangle]
             off[beyond] = (np.einsum("na,na->n", off, up)[:, None] * up)[beyond]
-        squares = np.einsum("nka,nka->n", arms, arms)[:, None, None] * np.eye(3)
-        turn = np.linalg.solve(squares - np.einsum("nka,nkb->nab", arms, arms), _cross(off))
         found = np.empty(len(cells), dtype=_ROW)
         found["nodes"] = self._triangles[triangle]
-        found["weights"] = share[:, :, None, None] * np.eye(3) - _cross(arms) @ turn[:, None]
+        found["weights"] = share[:, :, None, None] * np.eye(3) - self._turns[triangle] @ _cross(off)[:, None]
         return found
 
     def _nearest(self, points: Array) -> Indices:
         """Return the triangles with the nearest centres, shape (n, `NEAREST`).
 
-        The nearest triangle is the first. If the pad has fewer triangles, all are returned. All distances are computed
-        instead of searching a tree, because each cell is located only once, and the import of a search tree would take
-        a tenth of a second.
+        If the pad has fewer triangles, all are returned. All distances are computed instead of searching a tree,
+        because each cell is located only once, and the import of a search tree would take a tenth of a second.
 
         Args:
             points: positions of the cells [m], shape (n, 3).
         """
+        if len(self._triangles) <= NEAREST:
+            return np.tile(np.arange(len(self._triangles)), (len(points), 1))
         apart = np.zeros((len(points), len(self._triangles)))
         for k in range(3):
             apart += (points[:, k, None] - self._centres[:, k]) ** 2
-        if len(self._triangles) > NEAREST:
-            some = np.argpartition(apart, NEAREST, axis=1)[:, :NEAREST]
-            some.sort(axis=1)
-        else:
-            some = np.broadcast_to(np.arange(len(self._triangles)), apart.shape)
-        order = np.argsort(np.take_along_axis(apart, some, axis=1), axis=1, kind="stable")
-        return np.take_along_axis(some, order, axis=1)
+        some = np.argpartition(apart, NEAREST, axis=1)[:, :NEAREST]
+        some.sort(axis=1)
+        return some
 
     @cached_property
     def _table(self) -> RowTable:
         return RowTable(len(self.chart.places), self._locate)
-
-
-def _barycentric(corners: Array, points: Array) -> Array:
-    """Return barycentric coordinates of projected points, shape (..., 3).
-
-    The points are projected on the planes of triangles.
-
-    Args:
-        corners: corners of the triangles [m], shape (..., 3, 3).
-        points: the points [m], shape (..., 3).
-    """
-    a, b = corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 0, :]
-    normal = np.cross(a, b)
-    to = points - corners[..., 0, :]
-    scale = (normal * normal).sum(axis=-1)
-    second = (np.cross(to, b) * normal).sum(axis=-1) / scale
-    third = (np.cross(a, to) * normal).sum(axis=-1) / scale
-    return np.stack([1.0 - second - third, second, third], axis=-1)
 
 
 def _cross(vectors: Array) -> Array:

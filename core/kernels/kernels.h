@@ -556,6 +556,24 @@ typedef struct {
     double gram[16], way[3], length, descent, share, goal; /* of the step that is tried */
 } dermis_search;
 
+/* Rows of the compliance between cells of a pad, see `half_space.c`. */
+typedef struct {
+    const dermis_patches *cells;  /* all cells of the pad */
+    int64_t rows, columns;        /* number of cells whose displacement is computed, and of cells that carry forces */
+    const int64_t *field;         /* the former (rows) */
+    const int64_t *source;        /* the latter (columns) */
+    double poisson;               /* Poisson's ratio */
+    const float *smooth;          /* compliance for E = 1 minus that of a half-space; the components are those of the
+                                     displacement and of the force (rows, 3, 3, columns) [1/m] */
+    double factor;                /* 1 / E [1/Pa] */
+    double spring[9];             /* compliance of the bone's support (3, 3) [m/N] */
+    int64_t avx2;                 /* 1: use AVX2 */
+    int64_t stride;               /* numbers from the start of one row of `out` to the start of the next */
+    float *out;                   /* compliance (rows, 3, stride) [m/N] */
+    int64_t mirrored;             /* number of columns whose compliance is written to `mirror` as well */
+    float *mirror;                /* their compliance with rows and columns exchanged (mirrored, 3, stride) [m/N] */
+} dermis_cells;
+
 /* Sort the triangles of a tree, `order`, into slots, so that neighbours share leaves. */
 DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
 
@@ -625,6 +643,9 @@ DERMIS_API int32_t dermis_settle_disc(dermis_settled *step);
 
 /* Search for a pose, until the search ends or the caller has to compute a stimulus. */
 DERMIS_API int32_t dermis_descend(dermis_search *search);
+
+/* Compute rows of the compliance between cells of a pad. */
+DERMIS_API int32_t dermis_compliance_rows(dermis_cells *cells);
 
 /* Return 1 if this processor and its operating system support AVX2, else 0. */
 DERMIS_API int32_t dermis_has_avx2(void);

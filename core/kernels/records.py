@@ -121,7 +121,9 @@ class RestRecord(ctypes.Structure):
 
 @_declared
 class PatchesRecord(ctypes.Structure):
-    """`dermis_patches`."""
+    """`dermis_patches`, with the arrays to which it points."""
+
+    kept: list[NDArray[Any]]
 
 
 @_declared
@@ -167,3 +169,8 @@ class ThimbleRecord(ctypes.Structure):
 @_declared
 class SearchRecord(ctypes.Structure):
     """`dermis_search`."""
+
+
+@_declared
+class CellsRecord(ctypes.Structure):
+    """`dermis_cells`."""

@@ -42,21 +42,18 @@ def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type 
         Displacement [1/m], shape (I, 3, J, 3).
     """
     out: NDArray[Any] = np.empty((len(field), 3, len(source), 3), dtype)
-    kept: list[NDArray[Any]] = []
-    both = _record(field, kept), _record(source, kept)
+    both = patches_record(field), patches_record(source)
     pieces = records.PiecesRecord(*map(addressof, both), poisson, dtype is np.float32, address(out))
     kernels().press_pieces(byref(pieces))
     return out
 
 
-def _record(pieces: Patches, kept: list[NDArray[Any]]) -> records.PatchesRecord:
-    """Return a record of pieces for the kernels.
-
-    The arrays to which it points are added to `kept`.
-    """
+def patches_record(pieces: Patches) -> records.PatchesRecord:
+    """Return a record of pieces for the kernels, which keeps the arrays to which it points."""
     arrays = [np.ascontiguousarray(v) for v in (pieces.positions, pieces.normals, pieces.sides, pieces.areas)]
-    kept += arrays
-    return records.PatchesRecord(len(pieces), *map(address, arrays))
+    record = records.PatchesRecord(len(pieces), *map(address, arrays))
+    record.kept = arrays
+    return record
 
 
 class Beneath:

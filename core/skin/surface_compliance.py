@@ -7,6 +7,7 @@ a fine resolution.
 
 from __future__ import annotations
 
+from ctypes import addressof, byref
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -15,7 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array, Floats32, Indices
-from .half_space import Beneath, surface_kernel
+from ..kernels import records
+from ..kernels.library import kernels
+from ..kernels.records import address
+from .half_space import Beneath, patches_record, surface_kernel
 from .material import Elastic
 from .pad_chart import PadChart, Patches
 from .remainder import Remainder
@@ -79,16 +83,22 @@ class SurfaceCompliance:
         axis = np.asarray(direction, np.float64)
         return self._sharing(replace(self, spring=self.spring + np.outer(axis, axis) / stiffness))
 
-    def rows(self, new: Indices, members: Indices, out: Floats32 | None = None) -> Floats32:
+    def rows(
+        self, new: Indices, members: Indices, out: Floats32 | None = None, mirror: Floats32 | None = None
+    ) -> Floats32:
         """Return the compliance from cells `members` to cells `new` [m/N].
 
         It is the displacement of `new` for unit forces on `members`, shape (3 new, 3 members). The result is in single
-        precision, with a relative error of 1e-6. If `out` is given, it is written there.
+        precision, with a relative error of 1e-6.
+
+        Args:
+            new: indices of the cells whose displacement is computed.
+            members: indices of the cells that carry forces.
+            out: array for the result; None for a new one. Its rows may be parts of longer rows.
+            mirror: array for the transposed result of the first m members, with rows as long as those of `out`, shape
+                (3 m, 3 new).
         """
-        rows = self._rows(new, members, 1.0 / self.material.modulus, out)
-        if self.spring.any():
-            rows += self.spring.astype(np.float32)[None, :, None, :]
-        return rows.reshape(3 * len(new), 3 * len(members))
+        return self._rows(new, members, 1.0 / self.material.modulus, self.spring, out, mirror)
 
     @cached_property
     def coarse(self) -> RowTable:
@@ -96,7 +106,11 @@ class SurfaceCompliance:
 
         It is for E = 1. Row i, shape (3, p, 3), is for forces on cell i, see `displaced`.
         """
-        return RowTable(len(self.chart.base), lambda cells: self._rows(cells, self.chart.base), together=8)
+        return RowTable(len(self.chart.base), lambda cells: self._coarse(cells), together=8)
+
+    def _coarse(self, cells: Indices) -> Floats32:
+        base = self.chart.base
+        return self._rows(cells, base, 1.0, np.zeros((3, 3))).reshape(len(cells), 3, len(base), 3)
 
     def displaced(self, rows: Floats32, force: Floats) -> Array:
         """Return the displacement for forces, computed in single precision.
@@ -111,19 +125,30 @@ class SurfaceCompliance:
         moved = np.asarray(force, np.float32).reshape(-1) @ rows.reshape(3 * len(rows), -1)
         return moved.reshape(-1, 3) / self.material.modulus + np.sum(force, axis=0, dtype=np.float64) @ self.spring
 
-    def _rows(self, new: Indices, members: Indices, factor: float = 1.0, out: Floats32 | None = None) -> Floats32:
-        """Return `rows` for E = 1 [1/m] and a fixed bone, times a factor, shape (new, 3, members, 3)."""
-        shape = len(new), 3, len(members), 3
-        rows = np.empty(shape, np.float32) if out is None else out.reshape(shape)
-        rank, others, phi = self.remainder.rank, self.cells.take(members), self.functions(members).T
+    def _rows(
+        self,
+        new: Indices,
+        members: Indices,
+        factor: float,
+        spring: Array,
+        out: Floats32 | None = None,
+        mirror: Floats32 | None = None,
+    ) -> Floats32:
+        """Return `rows` for given 1 / E [1/Pa] and compliance of the bone's support [m/N]."""
+        rows = np.empty((3 * len(new), 3 * len(members)), np.float32) if out is None else out
+        phi, rank, single = self.functions(members).T, self.remainder.rank, rows.itemsize
+        record = records.CellsRecord(cells=addressof(self._pieces), columns=len(members), source=address(members))
+        record.poisson, record.factor, record.spring[:] = self.material.poisson, factor, spring.ravel().tolist()
+        record.avx2, record.stride = kernels().avx2, rows.strides[0] // single
+        first, mirrored = rows.ctypes.data, 0 if mirror is None else mirror.ctypes.data
         for start in range(0, len(new), _ROWS_AT_ONCE):
             few = new[start : start + _ROWS_AT_ONCE]
-            part = surface_kernel(self.cells.take(few), others, self.material.poisson, np.float32)
             smooth = (self.functions(few) @ self._surface).reshape(-1, rank) @ phi
-            for k, column in enumerate(smooth.reshape(len(few), 3, 3, -1).transpose(2, 0, 1, 3)):
-                part[..., k] += column
-            part *= np.float32(factor)
-            rows[start : start + len(few)] = part
+            record.rows, record.field, record.smooth = len(few), address(few), address(smooth)
+            record.out = first + 3 * start * rows.strides[0]
+            if mirror is not None:
+                record.mirrored, record.mirror = len(mirror) // 3, mirrored + 3 * start * single
+            kernels().compliance_rows(byref(record))
         return rows
 
     def block(self, i: Indices, j: Indices) -> Array:
@@ -215,6 +240,10 @@ class SurfaceCompliance:
         return RowTable(len(positions), lambda cells: functions(positions[cells]), together=16)
 
     @cached_property
+    def _pieces(self) -> records.PatchesRecord:
+        return patches_record(self.cells)
+
+    @cached_property
     def _surface(self) -> Floats32:
         """Matrix D of the remainder, reordered, shape (rank, 9 rank).
 
@@ -225,7 +254,7 @@ class SurfaceCompliance:
         return np.ascontiguousarray(self.remainder.surface.transpose(0, 1, 3, 2).reshape(rank, 9 * rank), np.float32)
 
     def _sharing(self, other: SurfaceCompliance) -> SurfaceCompliance:
-        other.__dict__.update(_functions=self._functions, coarse=self.coarse, _surface=self._surface)
+        other.__dict__.update(_functions=self._functions, coarse=self.coarse, _surface=self._surface, _pieces=self._pieces)
         return other
 
 

@@ -67,8 +67,8 @@ class PointMatrix:
         if len(entering):
             old, new = 3 * size, 3 * len(self.cells)
             self._make_room(new, old)
-            rows = self.pad.rows(entering, self.cells, self._store[old:new, :new])
-            self._store[:old, old:new] = rows[:, :old].T
+            store = self._store
+            self.pad.rows(entering, self.cells, store[old:new, :new], store[:old, old:new])
         return order
 
     def save(self) -> tuple[Indices, Floats32]:

@@ -574,6 +574,17 @@ typedef struct {
     float *mirror;                /* their compliance with rows and columns exchanged (mirrored, 3, stride) [m/N] */
 } dermis_cells;
 
+/* Points that take the places of others in the compliance between points, see `points.c`. */
+typedef struct {
+    int64_t count, moved;    /* number of points afterwards, and of those that move */
+    const int64_t *places;   /* new indices of those that move, ascending and below `count` (moved) */
+    const int64_t *former;   /* their former indices, from `count` on (moved) */
+    const float *from;       /* compliance before, of all former points (former points, 3, width) [m/N] */
+    int64_t width;           /* numbers from the start of one of its rows to the start of the next */
+    float *to;               /* compliance afterwards, which may be the same array (count, 3, stride) [m/N] */
+    int64_t stride;          /* numbers from the start of one of its rows to the start of the next */
+} dermis_moves;
+
 /* Sort the triangles of a tree, `order`, into slots, so that neighbours share leaves. */
 DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
 
@@ -646,6 +657,9 @@ DERMIS_API int32_t dermis_descend(dermis_search *search);
 
 /* Compute rows of the compliance between cells of a pad. */
 DERMIS_API int32_t dermis_compliance_rows(dermis_cells *cells);
+
+/* Move points in the compliance between points. */
+DERMIS_API int32_t dermis_move_points(dermis_moves *moves);
 
 /* Return 1 if this processor and its operating system support AVX2, else 0. */
 DERMIS_API int32_t dermis_has_avx2(void);

@@ -174,3 +174,8 @@ class SearchRecord(ctypes.Structure):
 @_declared
 class CellsRecord(ctypes.Structure):
     """`dermis_cells`."""
+
+
+@_declared
+class MovesRecord(ctypes.Structure):
+    """`dermis_moves`."""

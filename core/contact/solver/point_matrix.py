@@ -6,14 +6,18 @@ is in single precision, with a relative error of 1e-6.
 
 from __future__ import annotations
 
+from ctypes import byref
+
 import numpy as np
 
 from ...arrays import Array, Floats32, Indices
+from ...kernels import records
+from ...kernels.library import kernels
+from ...kernels.records import address
 from ...skin.surface_compliance import SurfaceCompliance
 from .compliance import displaced
 
 GROWTH = 1.2  # factor by which the memory grows if it is too small
-_THREE = np.dtype("V12")  # the three components of a point in a row, which are moved together
 
 
 class PointMatrix:
@@ -42,33 +46,31 @@ class PointMatrix:
         """Remove points, and add cells at the end.
 
         Args:
-            leaving: positions in `cells` of the points to remove, shape (k,).
+            leaving: positions in `cells` of the points to remove, ascending, shape (k,).
             entering: indices of the cells to add, shape (j,).
 
         Returns:
             Former position of each point that stays, in the new order.
         """
-        count = len(self.cells)
-        if self._saved:
-            self._move(len(self._store), 3 * count)
+        count, entered = len(self.cells), len(entering)
         size = count - len(leaving)
         order = np.arange(size)
         holes = leaving[leaving < size]
-        if len(holes):
-            stays = np.ones(count, dtype=np.bool_)
-            stays[leaving] = False
-            order[holes] = source = size + stays[size:].nonzero()[0]
-            room = len(self._store) // 3
-            rows = self._store.reshape(room, 3, 3 * room)
-            rows[holes, :, : 3 * count] = rows[source, :, : 3 * count]
-            columns = self._store.view(_THREE)[: 3 * count]
-            columns[:, holes] = columns[:, source]
+        stays = np.ones(count - size, dtype=np.bool_)  # of the last points, which fill the holes
+        stays[leaving[len(holes) :] - size] = False
+        order[holes] = former = size + stays.nonzero()[0]
+        store, new = self._store, 3 * (size + entered)
+        if self._saved or new > len(store):  # a saved state is not changed
+            room = len(store) if new <= len(store) else 3 * int(GROWTH * new / 3)
+            self._store, self._saved = np.empty((room, room), dtype=np.float32), False
+        if len(holes) or store is not self._store:
+            moves = records.MovesRecord(size, len(holes), address(holes), address(former), address(store), len(store))
+            moves.to, moves.stride = address(self._store), len(self._store)
+            kernels().move_points(byref(moves))
         self.cells = np.concatenate([self.cells[order], entering])
-        if len(entering):
-            old, new = 3 * size, 3 * len(self.cells)
-            self._make_room(new, old)
-            store = self._store
-            self.pad.rows(entering, self.cells, store[old:new, :new], store[:old, old:new])
+        if entered:
+            rows = self._store[3 * size : new, :new]
+            self.pad.rows(entering, self.cells, rows, self._store[: 3 * size, 3 * size : new])
         return order
 
     def save(self) -> tuple[Indices, Floats32]:
@@ -84,13 +86,3 @@ class PointMatrix:
     def displacement(self, force: Array) -> Array:
         """Return the displacement C f [m], shape (n, 3), for forces on the points [N], shape (n, 3)."""
         return displaced(self.matrix, force)
-
-    def _make_room(self, wanted: int, kept: int) -> None:
-        if wanted > len(self._store):
-            self._move(3 * int(GROWTH * wanted / 3), kept)
-
-    def _move(self, size: int, kept: int) -> None:
-        """Copy the rows to new memory, so that a saved state is not changed."""
-        store = np.empty((size, size), dtype=np.float32)
-        store[:kept, :kept] = self._store[:kept, :kept]
-        self._store, self._saved = store, False

@@ -585,6 +585,33 @@ typedef struct {
     int64_t stride;          /* numbers from the start of one of its rows to the start of the next */
 } dermis_moves;
 
+/* Cells that replace removed ones, with the forces that they inherit; see `points.c`. */
+typedef struct {
+    int64_t tiles, levels;   /* number of cells of the pad, and of levels */
+    const int64_t *root;     /* root that contains each cell (tiles) */
+    const int64_t *halved;   /* number of halvings of each side (tiles, 2) */
+    const int64_t *place;    /* position in the root, in cells of the same size (tiles, 2) */
+    int64_t leaving, entering, former; /* number of removed cells, of added cells, and of former points */
+    const int64_t *left;     /* removed cells (leaving) */
+    const int64_t *sources;  /* indices of their points (leaving) */
+    const int64_t *entered;  /* added cells (entering) */
+    const double *force;     /* forces on the former points (former, 3) [N] */
+    double *inherited;       /* out: forces on the added cells (entering, 3) [N] */
+    int64_t *main;           /* out: former point of largest load that each added cell replaces, -1 for none (entering) */
+    double *load;            /* out: square of its force (entering) [N^2] */
+} dermis_heirs;
+
+/* State of points that changes its order, as arrays one after the other; see `points.c`. */
+typedef struct {
+    int64_t count, before;   /* number of points afterwards and before */
+    int64_t arrays;          /* number of arrays */
+    const int64_t *widths;   /* bytes of a point in each array (arrays) */
+    const int64_t *blank;    /* byte that fills the state of a point without a former one (arrays) */
+    const int64_t *former;   /* former index of each point, -1 for none (count) */
+    const uint8_t *from;     /* arrays before (before, widths) */
+    uint8_t *to;             /* out: arrays afterwards (count, widths) */
+} dermis_states;
+
 /* Sort the triangles of a tree, `order`, into slots, so that neighbours share leaves. */
 DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
 
@@ -660,6 +687,12 @@ DERMIS_API int32_t dermis_compliance_rows(dermis_cells *cells);
 
 /* Move points in the compliance between points. */
 DERMIS_API int32_t dermis_move_points(dermis_moves *moves);
+
+/* Distribute the forces of removed cells to those that replace them. */
+DERMIS_API int32_t dermis_succeed(dermis_heirs *heirs);
+
+/* Copy the state of points in another order. */
+DERMIS_API int32_t dermis_rearrange(dermis_states *states);
 
 /* Return 1 if this processor and its operating system support AVX2, else 0. */
 DERMIS_API int32_t dermis_has_avx2(void);

@@ -179,3 +179,13 @@ class CellsRecord(ctypes.Structure):
 @_declared
 class MovesRecord(ctypes.Structure):
     """`dermis_moves`."""
+
+
+@_declared
+class HeirsRecord(ctypes.Structure):
+    """`dermis_heirs`."""
+
+
+@_declared
+class StatesRecord(ctypes.Structure):
+    """`dermis_states`."""

@@ -31,9 +31,12 @@ _ARRAYS: tuple[tuple[str, str, int, type[np.generic]], ...] = (
     ("slip", "slip", 3, np.float64),
     ("swept", "swept", 3, np.float64),
 )
-_NAMES = (*(name for name, _, _, _ in _ARRAYS), "sticking")
+# Bytes of a node in each of these arrays, with `sticking`, and the byte that fills it without a history: integers are
+# then -1.
+_WIDTHS = np.array([*(8 * width for _, _, width, _ in _ARRAYS), 1])
+_BLANK = np.array([*(255 if kind is np.int64 else 0 for _, _, _, kind in _ARRAYS), 0])
+_NODE = int(_WIDTHS.sum())
 NOTHING = np.zeros(0, dtype=np.int64), np.zeros((0, 3))  # no node is shifted
-_WIDE = 8 * sum(width for _, _, width, _ in _ARRAYS)
 
 
 class ContactHistory:
@@ -66,7 +69,7 @@ class ContactHistory:
     _normal: Array  # out of the body, in its axes
 
     def __init__(self, count: int, block: NDArray[np.uint8] | None = None) -> None:
-        self._block = np.zeros((_WIDE + 1) * count, np.uint8) if block is None else block
+        self._block = np.zeros(_NODE * count, np.uint8) if block is None else block
         self.record, start = records.FrictionRecord(count), address(self._block)
         at = 0
         for name, field, width, kind in _ARRAYS:
@@ -96,32 +99,29 @@ class ContactHistory:
     def restored(cls, state: tuple[NDArray[np.uint8], dict[int, NDArray[np.integer]]]) -> ContactHistory:
         """Return a history of a saved state, which shares nothing with it."""
         block, faces = state
-        history = cls(len(block) // (_WIDE + 1), block.copy())
+        history = cls(len(block) // _NODE, block.copy())
         history._faces = dict(faces)
         return history
 
-    def rearranged(self, order: Indices, count: int) -> ContactHistory:
-        """Return the history of other points: points `order` of this one, and `count` points without history."""
-        other = ContactHistory(len(order) + count)
-        for name in _NAMES:  # `take` into place takes half the time of an index
-            getattr(self, name).take(order, axis=0, out=getattr(other, name)[: len(order)], mode="clip")
+    def rearranged(self, former: Indices) -> ContactHistory:
+        """Return the history of other points: each has that of a point of this one, or none with -1, shape (n,)."""
+        count = len(former)
+        other = ContactHistory(count, np.empty(_NODE * count, np.uint8))
+        widths = address(_WIDTHS), address(_BLANK)
+        places = address(former), address(self._block), address(other._block)
+        states = records.StatesRecord(count, len(self.body), len(_WIDTHS), *widths, *places)
+        kernels().rearrange(byref(states))
         other._faces = dict(self._faces)
         return other
 
-    def inherit(
-        self, nodes: Indices, source: ContactHistory, sources: Indices, bodies: Sequence[ContactBody], positions: Array
-    ) -> None:
-        """Give new points the history of the points that they replace, anchored at their own positions.
+    def anchor(self, nodes: Indices, bodies: Sequence[ContactBody], positions: Array) -> None:
+        """Anchor points at given positions on the bodies above which they were.
 
         Args:
-            nodes: indices of the new points, shape (n,).
-            source: history of the former points.
-            sources: index of the former point that each new point replaces, shape (n,).
+            nodes: indices of the points, shape (n,).
             bodies: the bodies as they were in the last frame.
-            positions: positions of the new points in that frame [m], shape (n, 3).
+            positions: positions of the points in that frame [m], shape (n, 3).
         """
-        for name in _NAMES:
-            getattr(self, name)[nodes] = getattr(source, name).take(sources, axis=0)
         self._put(bodies, nodes, self.body[nodes], self._triangle[nodes], positions)
 
     def expected(

@@ -33,7 +33,7 @@ from .point_set import PointSet
 from .point_tree import FINEST, MANY, PointTree
 from .posed_records import in_reach
 from .smooth_contact import SmoothContact
-from .succession import Succession, succession
+from .succession import succession
 
 # Largest distance at which a body is found from the skin [m].
 REACH = 2.5e-3
@@ -233,8 +233,9 @@ class PointSolver(PathSolver):
         self._asked = bodies
         leaving, entering = self._points.difference(found)
         if len(leaving) or len(entering):
-            passed = succession(self.surface.chart, self.cells[leaving], leaving, entering)
-            self._inherit(passed, self._change(leaving, entering))
+            tiles, left = self.surface.chart.tiles, self.cells[leaving]
+            force, main = succession(tiles, left, leaving, entering, self._force)
+            self._inherit(force, main, self._change(leaving, entering))
 
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
         """Remove and add points; return the former index of each point that stays."""
@@ -248,33 +249,31 @@ class PointSolver(PathSolver):
         self._own = own_compliance(self._points.matrix.matrix)
         self._zero, self._status = np.zeros((len(self.cells), 3)), np.zeros(len(self.cells), dtype=np.int8)
 
-    def _inherit(self, passed: Succession, order: Indices) -> None:
+    def _inherit(self, inherited: Array, main: Indices, order: Indices) -> None:
         """Set the state of each point after a change of the points.
 
         A point that stays keeps its state. A new point takes the state of the cells that it replaces.
+
+        Args:
+            inherited: forces on the new points [N], shape (j, 3).
+            main: former point whose friction history each new point takes; -1 for none, shape (j,).
+            order: former index of each point that stays.
         """
-        n, count, force, history = len(self.cells), len(order), self._force, self.history
-
-        def kept(values: Array) -> Array:
-            out = np.zeros((n, *values.shape[1:]), dtype=values.dtype)
-            values.take(order, axis=0, out=out[:count], mode="clip")
-            return out
-
-        self._force = kept(force)
-        passed.force(force, self._force[count:])
+        count, new, history = len(order), len(main), self.history
+        self._last = None if self._last is None else np.concatenate([self._last.take(order, axis=0), np.zeros((new, 3))])
+        self._force = np.concatenate([self._force.take(order, axis=0), inherited])
         self._image = self._apply(self._force)
-        self._last = None if self._last is None else kept(self._last)
-        self._new = count if len(passed.heirs) else n
-        self.history = history.rearranged(order, n - count)
-        heirs, main = passed.main(np.einsum("ij,ij->i", force, force))
-        known = history.body[main] >= 0
-        heirs, main = heirs[known] + count, main[known]
+        heirs = (main >= 0).nonzero()[0]
+        self._new = count if len(heirs) else count + new
+        heirs = heirs[history.body[main[heirs]] >= 0]
+        former = np.full(count + new, -1, dtype=np.int64)
+        former[:count], former[count + heirs] = order, main[heirs]
+        self.history = history.rearranged(former)
         if len(heirs):
-            at = self.points[heirs] + self._image[heirs]
-            self.history.inherit(heirs, history, main, self._bodies, at)
+            heirs += count
+            self.history.anchor(heirs, self._bodies, self.points[heirs] + self._image[heirs])
         if self._step is not None and self._step.gaps is not None:
-            here, there = np.concatenate([np.arange(count), heirs]), np.concatenate([order, main])
-            self._step = replace(self._step, gaps=passed_on(self._step.gaps, n, here, there))
+            self._step = replace(self._step, gaps=passed_on(self._step.gaps, former))
         self._at_rest = False
 
     # -- the compliance ------------------------------------------------------------------------------------------

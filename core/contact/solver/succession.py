@@ -1,4 +1,4 @@
-"""Succession: transfer of state from removed points to new ones when cells are split or merged.
+"""Succession: transfer of forces from removed points to new ones when cells are split or merged.
 
 The force of a cell is distributed to the cells that it overlaps, in proportion to the overlap. The total force is then
 conserved.
@@ -6,48 +6,38 @@ conserved.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from ctypes import byref
 
 import numpy as np
 
 from ...arrays import Array, Indices
-from ...skin.pad_chart import PadChart
+from ...kernels import records
+from ...kernels.library import kernels
+from ...kernels.records import address
+from ...skin.tiles import Tiles
 
 
-@dataclass(frozen=True, eq=False)
-class Succession:
-    """New cells with the former cells that they replace.
-
-    Attributes:
-        heirs: indices of the new cells, one for each pair of an old cell and a new one, shape (n,).
-        sources: indices of the old cells, shape (n,).
-        shares: share of the old cell's force that the new cell inherits, shape (n,).
-    """
-
-    heirs: Indices
-    sources: Indices
-    shares: Array
-
-    def force(self, old: Array, new: Array) -> None:
-        """Add the forces of former points [N] to those of new points, in place."""
-        np.add.at(new, self.heirs, self.shares[:, None] * old[self.sources])
-
-    def main(self, load: Array) -> tuple[Indices, Indices]:
-        """Return each new cell once, with the former cell of largest load that it replaces."""
-        order = np.lexsort((-load[self.sources], self.heirs))
-        heirs, first = np.unique(self.heirs[order], return_index=True)
-        return heirs, self.sources[order][first]
-
-
-def succession(chart: PadChart, leaving: Indices, sources: Indices, entering: Indices) -> Succession:
-    """Return the relation between removed and added cells.
+def succession(
+    tiles: Tiles, leaving: Indices, sources: Indices, entering: Indices, force: Array
+) -> tuple[Array, Indices]:
+    """Return the forces that added cells inherit from removed ones.
 
     Args:
-        chart: chart of the pad.
+        tiles: cells of the pad.
         leaving: indices of the removed cells, shape (k,).
-        sources: positions of their points, shape (k,).
-        entering: indices of the added cells, shape (n,); the first has the number 0 in `Succession.heirs`.
+        sources: indices of their points, shape (k,).
+        entering: indices of the added cells, shape (n,).
+        force: forces on the former points [N], shape (m, 3).
+
+    Returns:
+        Forces on the added cells [N], shape (n, 3). For each of them, the former point of largest load that it
+        replaces, shape (n,); -1 for none.
     """
-    old, heir, share = chart.tiles.overlap(leaving, entering)
-    total = np.bincount(old, share, minlength=len(leaving))
-    return Succession(heir, sources[old], share / total[old])
+    n = len(entering)
+    inherited, main, load = np.empty((n, 3)), np.empty(n, dtype=np.int64), np.empty(n)
+    given = [np.ascontiguousarray(array) for array in (leaving, sources, entering, force)]
+    fixed = map(address, (tiles.root, tiles.halved, tiles.place))
+    record = records.HeirsRecord(tiles.count, tiles.levels, *fixed, len(leaving), n, len(force), *map(address, given))
+    record.inherited, record.main, record.load = address(inherited), address(main), address(load)
+    kernels().succeed(byref(record))
+    return inherited, main

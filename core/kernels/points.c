@@ -91,11 +91,14 @@ DERMIS_NOINLINE static int32_t rearrange(dermis_states *of) {
     uint8_t *to = of->to;
     for (int64_t k = 0; k < of->arrays; k++) {
         int64_t width = of->widths[k];
-        for (int64_t i = 0; i < of->count; i++, to += width)
-            if (of->former[i] < 0)
+        for (int64_t i = 0, run; i < of->count; i += run, to += run * width) {
+            int64_t was = of->former[i];
+            for (run = 1; was >= 0 && i + run < of->count && of->former[i + run] == was + run;) run++; /* most stay in order */
+            if (was < 0)
                 __builtin_memset(to, (int)of->blank[k], (size_t)width);
             else
-                __builtin_memcpy(to, from + width * of->former[i], (size_t)width);
+                __builtin_memcpy(to, from + width * was, (size_t)(run * width));
+        }
         from += width * of->before;
     }
     return DERMIS_DONE;

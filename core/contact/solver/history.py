@@ -18,24 +18,25 @@ from ...surface.plane import Plane
 from ...surface.topology import cut_otherwise
 from .bodies import ContactBody, Expected, NodeGaps, corners_of, from_material, owned, to_material, unplaced
 
-# The arrays of a history with their fields in the kernels' record, numbers of 8 bytes a node, and types. All lie in one
-# block, with `sticking` of one byte a node at its end.
-_ARRAYS: tuple[tuple[str, str, int, type[np.generic]], ...] = (
-    ("body", "owner", 1, np.int64),
-    ("_triangle", "triangle", 1, np.int64),
-    ("_corners", "corners", 3, np.int64),
-    ("_material", "material", 3, np.float64),
-    ("_local", "", 3, np.float64),
-    ("_normal", "normal", 3, np.float64),
-    ("gap", "gap", 1, np.float64),
-    ("slip", "slip", 3, np.float64),
-    ("swept", "swept", 3, np.float64),
+# The arrays of a history in the order of the kernels' record, with numbers of a node, and types. `_local` has no
+# field there. All lie in one block, with `sticking` of one byte a node at its end.
+_ARRAYS: tuple[tuple[str, int, type[np.generic]], ...] = (
+    ("_local", 3, np.float64),
+    ("body", 1, np.int64),
+    ("_material", 3, np.float64),
+    ("_normal", 3, np.float64),
+    ("gap", 1, np.float64),
+    ("slip", 3, np.float64),
+    ("swept", 3, np.float64),
+    ("_triangle", 1, np.int64),
+    ("_corners", 3, np.int64),
+    ("sticking", 1, np.bool_),
 )
-# Bytes of a node in each of these arrays, with `sticking`, and the byte that fills it without a history: integers are
-# then -1.
-_WIDTHS = np.array([*(8 * width for _, _, width, _ in _ARRAYS), 1])
-_BLANK = np.array([*(255 if kind is np.int64 else 0 for _, _, _, kind in _ARRAYS), 0])
+# Bytes of a node in each of these arrays, and the byte that fills it without a history: integers are then -1.
+_WIDTHS = np.array([np.dtype(kind).itemsize * width for _, width, kind in _ARRAYS])
+_BLANK = np.array([255 if kind is np.int64 else 0 for _, _, kind in _ARRAYS])
 _NODE = int(_WIDTHS.sum())
+_STARTS = [*np.cumsum(_WIDTHS).tolist()]  # of all arrays but the first, in bytes a node; the last one is the end
 NOTHING = np.zeros(0, dtype=np.int64), np.zeros((0, 3))  # no node is shifted
 
 
@@ -70,15 +71,12 @@ class ContactHistory:
 
     def __init__(self, count: int, block: NDArray[np.uint8] | None = None) -> None:
         self._block = np.zeros(_NODE * count, np.uint8) if block is None else block
-        self.record, start = records.FrictionRecord(count), address(self._block)
-        at = 0
-        for name, field, width, kind in _ARRAYS:
-            array = self._block[at : at + 8 * width * count].view(kind)
-            setattr(self, name, array if width == 1 else array.reshape(count, width))
-            if field:
-                setattr(self.record, field, start + at)
-            at += 8 * width * count
-        self.sticking, self.record.sticking = self._block[at:].view(np.bool_), start + at
+        starts = [0, *(count * start for start in _STARTS)]
+        for (name, width, kind), start in zip(_ARRAYS, starts, strict=False):
+            shape = count if width == 1 else (count, width)
+            setattr(self, name, np.ndarray(shape, kind, self._block, start))
+        first = address(self._block)
+        self.record = records.FrictionRecord(count, 0, None, *(first + start for start in starts[1:-1]))
         if block is None:
             self.body[:] = self._triangle[:] = self._corners[:] = -1
         self._faces: dict[int, NDArray[np.integer]] = {}  # triangles of deforming bodies when anchors were set

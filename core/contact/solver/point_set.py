@@ -11,6 +11,7 @@ from ...skin.surface_compliance import SurfaceCompliance
 from .point_matrix import PointMatrix
 
 NONE = -1
+SPREAD = 0.25e-3  # distance along both sides of a cell at which a point looks at bodies as well [m]
 
 
 class PointSet:
@@ -24,9 +25,9 @@ class PointSet:
         number: index of the point at the centre of each cell of the pad, shape (cells,); `NONE` if the cell is no
             point.
         positions: positions of the points [m], shape (n, 3).
-        normals: unit normals of the skin at the points, shape (n, 3).
+        inward: unit normals of the skin at the points, into the finger, shape (n, 3).
         areas: areas of the points' cells [m^2], shape (n,).
-        sides: side vectors of the points' cells [m], shape (n, 2, 3).
+        spread: vectors of the length `SPREAD` along both sides of the points' cells [m], shape (n, 2, 3).
     """
 
     def __init__(self, pad: SurfaceCompliance) -> None:
@@ -71,6 +72,7 @@ class PointSet:
         cells, own = self.cells, self.pad.cells
         self.number[before] = NONE
         self.number[cells] = np.arange(len(cells))
-        self.positions, self.normals = own.positions.take(cells, axis=0), own.normals.take(cells, axis=0)
+        self.positions, self.inward = own.positions.take(cells, axis=0), -own.normals.take(cells, axis=0)
         self.areas: Array = own.areas.take(cells)
-        self.sides = own.sides.take(cells, axis=0)
+        sides = own.sides.take(cells, axis=0)
+        self.spread = SPREAD * (sides / np.sqrt(np.einsum("nij,nij->ni", sides, sides))[:, :, None])

@@ -31,7 +31,7 @@ from .point_gaps import passed_on
 from .point_reach import PointReach
 from .point_set import PointSet
 from .point_tree import FINEST, MANY, PointTree
-from .posed_records import in_reach
+from .posed_records import corners_about, in_reach
 from .smooth_contact import SmoothContact
 from .succession import succession
 
@@ -82,8 +82,7 @@ class PointSolver(PathSolver):
         self._calm: NodeGaps | None = None  # the last measured gaps; None if the tree was due for a survey then
         starts = surface.chart.starts
         self._pad = surface.cells.positions[starts[1] : starts[2]]
-        ends = np.stack([self._pad.min(axis=0), self._pad.max(axis=0)])
-        self._corners = np.stack([c.ravel() for c in np.meshgrid(*ends.T)], axis=1)  # corners of the pad's bounding box
+        self._corners = corners_about(self._pad)
         self._sample = self._pad[:: max(len(self._pad) // 32, 1)]
         self._reach = PointReach(self._points)
         self._number()

@@ -23,7 +23,7 @@ from ...kernels.library import kernels
 from ...kernels.records import address
 from ...skin.surface_compliance import SurfaceCompliance
 from .bodies import ContactBody
-from .posed_records import ROUND, posed_records
+from .posed_records import ROUND, corners_about, posed_records
 
 # TURNED: a cell is split if two unit normals at its test points differ by more than this (length of the difference).
 # BENT: a cell is split if its gap differs from a linear one by more than this [m].
@@ -70,7 +70,8 @@ class PointTree:
     def __init__(self, pad: SurfaceCompliance) -> None:
         self.pad, self.chart = pad, pad.chart
         _, longs, sizes = pad.cells.extent
-        self._roots = pad.cells.positions[: self.chart.starts[1]]
+        roots = pad.cells.positions[: self.chart.starts[1]]
+        self._corners = corners_about(roots)
         self._largest = float(longs[: self.chart.starts[1]].max())
         self.finest = self._most = min(FINEST, self.chart.tiles.levels - 1)
         self._record = self._fixed(longs, sizes)
@@ -107,7 +108,7 @@ class PointTree:
             DermisError: a position is not finite.
         """
         self.finest = self._most
-        near, posed = posed_records(bodies, self._roots, reach + self._largest, bone)
+        near, posed = posed_records(bodies, self._corners, reach + self._largest, bone)
         if not near:
             return _NONE
         room = 4 * self.chart.starts[1]

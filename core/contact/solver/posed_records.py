@@ -48,6 +48,12 @@ def in_reach(body: ContactBody, points: Array, reach: float) -> bool:
     return bool(surface.table.usable.any()) and boxes_meet(body.local(points)[0], surface.box, reach)
 
 
+def corners_about(points: Array) -> Array:
+    """Return the corners of the bounding box of points, shape (n, 3), shape (8, 3) [m]."""
+    ends = np.stack([points.min(axis=0), points.max(axis=0)])
+    return np.stack([c.ravel() for c in np.meshgrid(*ends.T)], axis=1)
+
+
 def sharpness(body: ContactBody) -> float:
     """Return the share of the largest lift that a body needs, from `ROUND` to 1."""
     if not isinstance(body.surface, Surface):

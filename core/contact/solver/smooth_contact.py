@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from ctypes import Array as Records
 from ctypes import addressof, byref
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,11 +36,12 @@ from .posed_records import posed_records
 from .solve import Solution
 
 # LIFT: height of the lower look above the point [m]. RATIO: that of the upper one over it.
-# SPREAD: distance along both sides of a cell at which a point looks as well [m].
-LIFT, RATIO, SPREAD = 0.3e-3, 6.0, 0.25e-3
+LIFT, RATIO = 0.3e-3, 6.0
 MOST_SWEEPS = 1000  # over all points in one frame
 ROOM = 38  # numbers of a point in the kernel's workspace
 LOOKS = 10  # of a point, each with a hint
+GROWTH = 1.2  # factor by which the workspace grows if it is too small
+_FOUND = "clearance", "normal", "where", "body", "triangle"  # arrays that describe gaps
 
 
 class _Look(NamedTuple):
@@ -52,9 +53,21 @@ class _Look(NamedTuple):
     """
 
     record: records.TouchRecord
-    arrays: dict[str, NDArray[np.generic]]
+    arrays: dict[str, NDArray[Any]]
     near: Indices
     posed: Records[records.PosedRecord]
+
+
+class _Workspace:
+    """Arrays of the kernel that nobody reads after a call, except that a solution begins with the views of its look."""
+
+    def __init__(self, count: int) -> None:
+        self.count = count
+        self.room = np.empty((count, ROOM))
+        self.work = np.empty((3 * records.KEPT + 7, count, 3))
+        self.active = np.empty(count, dtype=np.int64)
+        self.gathered = np.empty((3 * count, 3 * count), dtype=np.float32)
+        self.places = {name: address(getattr(self, name)) for name in ("room", "work", "active", "gathered")}
 
 
 class SmoothContact:
@@ -68,6 +81,7 @@ class SmoothContact:
     def __init__(self, reach: float, bone: Array) -> None:
         self._reach, self._bone = reach, bone
         self._seen: tuple[NodeGaps, _Look] | None = None
+        self._space = _Workspace(0)
 
     def look(self, points: PointSet, bodies: Sequence[ContactBody], where: Array) -> NodeGaps:
         """Return the gaps of points.
@@ -82,7 +96,8 @@ class SmoothContact:
         """
         look = self._prepared(points, bodies, where)
         _call(look.record)
-        gaps = _gaps(look, bodies)
+        found = {name: look.arrays[name].copy() for name in _FOUND}  # a solution from this look changes its arrays
+        gaps = _gaps(look, bodies, found)
         self._seen = gaps, look
         return gaps
 
@@ -116,55 +131,47 @@ class SmoothContact:
         look, n = self._seen[1], len(points)
         self._seen = None  # the kernel changes its arrays
         drag = b - np.where(gaps.body >= 0, gaps.clearance, 0.0)[:, None] * gaps.normal
-        matrix = points.matrix.matrix
-        arrays = look.arrays | {
-            "drag": drag,
-            "shift": np.array(np.broadcast_to(shift, (n, 3))),
-            "force": np.array(start, dtype=np.float64, order="C"),
-            "image": np.empty((n, 3)),
-            "moved": np.empty((n, 3)),
-            "status": np.empty(n, dtype=np.int8),
-            "work": np.empty((3 * records.KEPT + 7, n, 3)),
-            "compliance": matrix,
-            "active": np.empty(n, dtype=np.int64),
-            "gathered": np.empty((3 * n, 3 * n), dtype=np.float32),
-        }
-        record = _filled(look.record, arrays)
+        matrix, image, moved, status = points.matrix.matrix, np.empty((n, 3)), np.empty((n, 3)), np.empty(n, np.int8)
+        force = np.array(start, dtype=np.float64, order="C")
+        shifts = np.array(np.broadcast_to(shift, (n, 3)))
+        given = {"drag": drag, "shift": shifts, "force": force, "image": image, "moved": moved, "status": status}
+        record = _filled(look.record, given | {"compliance": matrix})
         record.stride, record.avx2, record.looked = matrix.strides[0] // matrix.itemsize, kernels().avx2, 1
         record.tolerance, record.most = tolerance, MOST_SWEEPS
         _call(record)
-        new = _gaps(look, gaps.bodies)
-        force, status = np.asarray(arrays["force"]), np.asarray(arrays["status"])
-        moved, residual = np.asarray(arrays["moved"]), record.residual
+        new = _gaps(look, gaps.bodies, look.arrays)
+        residual = record.residual
         solution = Solution(force, moved, new.normal, new.friction, status, record.sweeps, residual, goal, "sweeps")
-        return SolvedFrame(solution, np.asarray(arrays["image"]), "solved", new)
+        return SolvedFrame(solution, image, "solved", new)
 
     def _prepared(self, points: PointSet, bodies: Sequence[ContactBody], where: Array) -> _Look:
-        n, at = len(points), np.ascontiguousarray(points.positions)
+        n, at, zero = len(points), points.positions, np.zeros((len(points), 3))
         near, posed = posed_records(bodies, at + where, self._reach + RATIO * LIFT, self._bone)
-        sides = points.sides / np.sqrt(np.einsum("nij,nij->ni", points.sides, points.sides))[:, :, None]
         arrays = {
             "points": at,
-            "inward": np.ascontiguousarray(-points.normals),
-            "spread": SPREAD * sides,
-            "areas": np.ascontiguousarray(points.areas),
+            "inward": points.inward,
+            "spread": points.spread,
+            "areas": points.areas,
             "where": np.array(where, dtype=np.float64, order="C"),
             "clearance": np.empty(n),
             "normal": np.empty((n, 3)),
             "body": np.full(n, -1, dtype=np.int64),
             "triangle": np.empty(n, dtype=np.int64),
             "slots": np.full((n, LOOKS), -1, dtype=np.int64),
-            "force": np.zeros((n, 3)),
-            "drag": np.zeros((n, 3)),
-            "shift": np.zeros((n, 3)),
-            "room": np.empty((n, ROOM)),
+            "force": zero,
+            "drag": zero,
+            "shift": zero,
         }
+        if n > self._space.count:
+            self._space = _Workspace(int(GROWTH * n))
         record = records.TouchRecord(count=n, bodies=len(near), posed=addressof(posed), limit=self._reach)
         record.width, record.lift, record.ratio = 8 * ROOM, LIFT, RATIO
+        for name, place in self._space.places.items():
+            setattr(record, name, place)
         return _Look(_filled(record, arrays), arrays, np.array([*near, -1]), posed)
 
 
-def _filled(record: records.TouchRecord, arrays: dict[str, NDArray[np.generic]]) -> records.TouchRecord:
+def _filled(record: records.TouchRecord, arrays: dict[str, NDArray[Any]]) -> records.TouchRecord:
     for name, array in arrays.items():
         setattr(record, name, address(array))
     return record
@@ -175,12 +182,9 @@ def _call(record: records.TouchRecord) -> None:
         raise DermisError("a position or force is not finite", where="contact")
 
 
-def _gaps(look: _Look, bodies: Sequence[ContactBody]) -> NodeGaps:
-    """Return copies of the gaps that a kernel found."""
-    clearance, normal, where = (
-        np.array(look.arrays[name], dtype=np.float64) for name in ("clearance", "normal", "where")
-    )
-    body, triangle = (np.array(look.arrays[name], dtype=np.int64) for name in ("body", "triangle"))
+def _gaps(look: _Look, bodies: Sequence[ContactBody], found: dict[str, NDArray[Any]]) -> NodeGaps:
+    """Return the gaps that a kernel found, of the arrays `_FOUND`."""
+    clearance, normal, where, body, triangle = (found[name] for name in _FOUND)
     friction, softness = (
         np.array([*(getattr(bodies[i], name) for i in look.near[:-1]), 0.0])[body] for name in ("friction", "softness")
     )

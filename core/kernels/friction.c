@@ -253,6 +253,32 @@ DERMIS_NOINLINE static int32_t drift(dermis_friction *of) {
     return DERMIS_DONE;
 }
 
+/* The scalar product, with the sum in NumPy's order. */
+static double product(const double *a, const double *b) { return a[0] * b[0] + a[2] * b[2] + a[1] * b[1]; }
+
+/* Shift the slip of nodes that came into contact back to where their path crosses the surface. */
+DERMIS_NOINLINE static int32_t arrive(dermis_arrivals *of) {
+    of->entered = 0;
+    for (int64_t i = 0; i < of->count; i++) {
+        const double *normal = of->normals + 3 * i, *force = of->force + 3 * i;
+        double free[3], *crossing = of->crossing + 3 * of->entered; /* free: relative displacement without the node's own force */
+        if (of->status[i] == 0 || of->loaded[i] || of->owner[i] != of->below[i] || !(of->friction[i] > 0.0)) continue;
+        for (int a = 0; a < 3; a++) {
+            const float *row = of->compliance + (3 * i + a) * of->stride + 3 * i;
+            double own[3] = {row[0], row[1], row[2]};
+            own[a] += of->soft[i];
+            free[a] = of->moved[3 * i + a] - product(own, force);
+        }
+        double along = product(free, normal), beneath = dermis_most(-along, 0.0), share = of->gap[i] / dermis_most(of->gap[i] + beneath, TINY);
+        for (int k = 0; k < 3; k++) crossing[k] = -share * (free[k] - along * normal[k]);
+        of->entering[of->entered++] = i;
+    }
+    return DERMIS_DONE;
+}
+
+static int sound_arrivals(const dermis_arrivals *of) { return of->count >= 0 && of->stride >= 3 * of->count; }
+
+DERMIS_FUNCTION(dermis_arrive, dermis_arrivals, sound_arrivals, arrive)
 DERMIS_FUNCTION(dermis_expect, dermis_friction, sound, expect)
 DERMIS_FUNCTION(dermis_offset, dermis_friction, sound_frame, offset)
 DERMIS_FUNCTION(dermis_foresee, dermis_friction, sound_frame, foresee)

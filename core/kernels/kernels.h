@@ -612,6 +612,25 @@ typedef struct {
     uint8_t *to;             /* out: arrays afterwards (count, widths) */
 } dermis_states;
 
+/* Nodes that come into contact in a frame, see `friction.c`. */
+typedef struct {
+    int64_t count;           /* number of nodes */
+    const int8_t *status;    /* in the solution: 0 open, DERMIS_STICK or DERMIS_SLIP (count) */
+    const uint8_t *loaded;   /* 1 for nodes with a force at the begin of the frame (count) */
+    const int64_t *owner, *below; /* body below each node in the last frame and in this one, -1 for none (count) */
+    const double *friction;  /* coefficients (count) */
+    const double *normals;   /* of the gaps (count, 3) */
+    const double *moved;     /* relative displacement in the solution (count, 3) [m] */
+    const double *force;     /* (count, 3) [N] */
+    const double *gap;       /* gap in the last frame (count) [m] */
+    const double *soft;      /* compliance of the body below (count) [m/N] */
+    const float *compliance; /* between nodes (count, 3, stride) [m/N] */
+    int64_t stride;          /* numbers from the start of one of its rows to the start of the next */
+    int64_t *entering;       /* out: nodes that come into contact (entered) */
+    double *crossing;        /* out: shifts of their slip (entered, 3) [m] */
+    int64_t entered;         /* out: number of these nodes */
+} dermis_arrivals;
+
 /* Sort the triangles of a tree, `order`, into slots, so that neighbours share leaves. */
 DERMIS_API int32_t dermis_tree_split(dermis_tree *tree);
 
@@ -693,6 +712,9 @@ DERMIS_API int32_t dermis_succeed(dermis_heirs *heirs);
 
 /* Copy the state of points in another order. */
 DERMIS_API int32_t dermis_rearrange(dermis_states *states);
+
+/* Shift the slip of nodes that came into contact. */
+DERMIS_API int32_t dermis_arrive(dermis_arrivals *arrivals);
 
 /* Return 1 if this processor and its operating system support AVX2, else 0. */
 DERMIS_API int32_t dermis_has_avx2(void);

@@ -63,6 +63,7 @@ class Kernels:
             self.press_pieces, self.draw_skin = library.dermis_press_pieces, library.dermis_draw_skin
             self.compliance_rows, self.move_points = library.dermis_compliance_rows, library.dermis_move_points
             self.succeed, self.rearrange = library.dermis_succeed, library.dermis_rearrange
+            self.arrive = library.dermis_arrive
             self.expect, self.offset = library.dermis_expect, library.dermis_offset
             self.foresee, self.keep, self.drift = library.dermis_foresee, library.dermis_keep, library.dermis_drift
             self.press_disc, self.settle_disc = library.dermis_press_disc, library.dermis_settle_disc

@@ -189,3 +189,8 @@ class HeirsRecord(ctypes.Structure):
 @_declared
 class StatesRecord(ctypes.Structure):
     """`dermis_states`."""
+
+
+@_declared
+class ArrivalsRecord(ctypes.Structure):
+    """`dermis_arrivals`."""

@@ -90,7 +90,7 @@ class NodalForces:
             force: forces on these cells [N], shape (n, 3).
         """
         force = np.asarray(force, np.float64)
-        carry = force.any(axis=1).nonzero()[0]  # most cells of a frame carry none, and need not be located
+        carry = np.flatnonzero(force.any(axis=1))  # most cells of a frame carry none, and need not be located
         nodes, weights = self._weights(cells.take(carry))
         on = np.einsum("nkab,nb->nka", weights, force.take(carry, axis=0)).reshape(-1, 3)
         count = len(self.mesh.pad)

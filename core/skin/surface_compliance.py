@@ -106,7 +106,7 @@ class SurfaceCompliance:
 
         It is for E = 1. Row i, shape (3, p, 3), is for forces on cell i, see `displaced`.
         """
-        return RowTable(len(self.chart.base), lambda cells: self._coarse(cells), together=8)
+        return RowTable(len(self.chart.base), self._coarse, together=8)
 
     def _coarse(self, cells: Indices) -> Floats32:
         base = self.chart.base
@@ -254,7 +254,8 @@ class SurfaceCompliance:
         return np.ascontiguousarray(self.remainder.surface.transpose(0, 1, 3, 2).reshape(rank, 9 * rank), np.float32)
 
     def _sharing(self, other: SurfaceCompliance) -> SurfaceCompliance:
-        other.__dict__.update(_functions=self._functions, coarse=self.coarse, _surface=self._surface, _pieces=self._pieces)
+        shared = "_functions", "coarse", "_surface", "_pieces"
+        other.__dict__.update((name, getattr(self, name)) for name in shared)
         return other
 
 

@@ -5,18 +5,20 @@ The formulas are in `within_frame.py`.
 
 from __future__ import annotations
 
+from ctypes import byref
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Array
+from ...arrays import Array, Floats32
+from ...kernels import records
 from ...kernels.library import kernels
 from ...kernels.records import address
 from .bodies import NodeGaps
 from .history import ContactHistory
 from .solve import Solution
-from .within_frame import NONE, STILL, Drift, Shifts, changing, crossed, entered
+from .within_frame import NONE, STILL, Drift, Shifts, changing
 
 
 class Rubbing(NamedTuple):
@@ -41,7 +43,7 @@ class FrameFriction:
         gaps: gaps at the end of the frame.
         history: friction history at its begin, which `keep` updates to its end.
         loaded: whether each node carried force at its begin, shape (m,).
-        matrix: compliance of the nodes [m/N], shape (3 m, 3 m).
+        matrix: compliance of the nodes in single precision [m/N], shape (3 m, 3 m); rows may be parts of longer rows.
         own: compliance of each node to its own force [m/N], shape (m,).
         soft: compliance of the body below each node [m/N], shape (m,).
     """
@@ -51,7 +53,7 @@ class FrameFriction:
         gaps: NodeGaps,
         history: ContactHistory,
         loaded: NDArray[np.bool_],
-        matrix: NDArray[np.floating],
+        matrix: Floats32,
         own: Array,
         soft: Array,
     ) -> None:
@@ -90,11 +92,15 @@ class FrameFriction:
         """Compute the shifts of nodes that came into contact; they are applied in the next frame."""
         if not self._rubs:
             return
-        new = entered(solution, self.gaps, self._history, self._loaded)
-        if new.size:
-            rows = 3 * new[:, None] + np.arange(3)
-            own = self._matrix[rows[:, :, None], rows[:, None, :]] + self._soft[new, None, None] * np.eye(3)
-            self._crossed = crossed(new, solution, self._history.gap[new], own)
+        count, history, gaps, single = len(solution.force), self._history, self.gaps, self._matrix.itemsize
+        nodes, shift = np.empty(count, dtype=np.int64), np.empty((count, 3))
+        status = solution.status, self._loaded, history.body, gaps.body, solution.friction
+        vectors = solution.normals, solution.displacement, solution.force, history.gap, self._soft
+        given = [np.ascontiguousarray(array) for array in (*status, *vectors)]
+        matrix = address(self._matrix), self._matrix.strides[0] // single, address(nodes), address(shift)
+        record = records.ArrivalsRecord(count, *map(address, given), *matrix)
+        kernels().arrive(byref(record))
+        self._crossed = Shifts(nodes[: record.entered], shift[: record.entered])
 
     def left(self, solution: Solution, before: Array, moved: Array) -> Rubbing:
         """Return the state for the next frame.

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Array, Indices
+from ...arrays import Array, Floats32, Indices
 from ...errors import DermisError, Finding
 from ...kernels.library import kernels
 from .bodies import BONE, ContactBody, Expected, NodeGaps, node_gaps, same_places
@@ -429,7 +429,7 @@ class PathSolver:
         return displaced(self._c, force)
 
     @property
-    def _matrix(self) -> NDArray[np.floating]:
+    def _matrix(self) -> Floats32:
         """The compliance of the points [m/N], shape (3 m, 3 m)."""
         return self._c
 

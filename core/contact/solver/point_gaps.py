@@ -8,7 +8,15 @@ from ...arrays import Indices
 from .bodies import NodeGaps
 
 # Gaps of a point, and their values beyond reach.
-_BEYOND = {"gap": np.inf, "clearance": np.inf, "normal": 0.0, "body": -1, "triangle": -1, "friction": 0.0, "softness": 0.0}
+_BEYOND = {
+    "gap": np.inf,
+    "clearance": np.inf,
+    "normal": 0.0,
+    "body": -1,
+    "triangle": -1,
+    "friction": 0.0,
+    "softness": 0.0,
+}
 
 
 def passed_on(gaps: NodeGaps, former: Indices) -> NodeGaps:

@@ -14,9 +14,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Array, Indices
+from ...arrays import Array, Floats32, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
 from ...surface.plane import Plane
@@ -259,7 +258,8 @@ class PointSolver(PathSolver):
             order: former index of each point that stays.
         """
         count, new, history = len(order), len(main), self.history
-        self._last = None if self._last is None else np.concatenate([self._last.take(order, axis=0), np.zeros((new, 3))])
+        if self._last is not None:
+            self._last = np.concatenate([self._last.take(order, axis=0), np.zeros((new, 3))])
         self._force = np.concatenate([self._force.take(order, axis=0), inherited])
         self._image = self._apply(self._force)
         heirs = (main >= 0).nonzero()[0]
@@ -302,7 +302,7 @@ class PointSolver(PathSolver):
             )
 
     @property
-    def _matrix(self) -> NDArray[np.floating]:
+    def _matrix(self) -> Floats32:
         return self._points.matrix.matrix
 
     def linear(self, force: Array) -> Array:

@@ -7,7 +7,7 @@ slipping node is held back along its first and its last force, weighted as in th
 its direction. A node that comes into contact is held back from the point at which its path crosses the surface. This
 point is known only after the frame is solved, so it takes effect in the next frame.
 
-`core/kernels/friction.c` computes the shifts of slipping nodes, how anchors lag, and the drift. After a small change of
+`core/kernels/friction.c` computes the shifts, how anchors lag, and the drift. After a small change of
 direction, slip relaxes as exp(-x), where x is the slip divided by the slip length. The mean of this over the frame is
 the share that is held back along the first direction; the rest is held back along the last one. Slip is expected to
 continue in proportion to the movement of the body below.
@@ -18,22 +18,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...arrays import Array, Indices
-from .bodies import NodeGaps
-from .cone import TINY, along
-from .history import ContactHistory
-from .solve import Solution
+from .cone import TINY
 
 # Relative change of the forces in a frame up to which no shift is applied, and from which on the whole shift is
 # applied. The direction of slip changes by no more than the forces do.
 CHANGING = (1e-3, 2e-3)
-
-
-def across(vectors: Array, normals: Array) -> Array:
-    """Return the tangential parts of vectors, shape (k, 3), with respect to unit normals, shape (k, 3)."""
-    return vectors - along(vectors, normals)[:, None] * normals
 
 
 def changing(change: float, size: float) -> float:
@@ -61,30 +52,6 @@ class Shifts:
 
 
 NONE = Shifts(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
-
-
-def entered(solution: Solution, gaps: NodeGaps, history: ContactHistory, loaded: NDArray[np.bool_]) -> Indices:
-    """Return the nodes that came into contact with the body below them in this frame."""
-    new = (solution.status.astype(bool) & ~loaded).nonzero()[0]
-    return new[(history.body[new] == gaps.body[new]) & (solution.friction[new] > 0.0)]
-
-
-def crossed(nodes: Indices, solution: Solution, before: Array, compliance: Array) -> Shifts:
-    """Return the shifts of nodes that came into contact.
-
-    Args:
-        nodes: indices of the nodes, shape (k,).
-        solution: solution of the frame.
-        before: gaps of the nodes in the last frame [m], shape (k,).
-        compliance: compliance of each node to its own force [m/N], shape (k, 3, 3).
-    """
-    normal = solution.normals[nodes]
-    # relative displacement without the nodes' own forces
-    free = solution.displacement[nodes] - np.einsum("kij,kj->ki", compliance, solution.force[nodes])
-    beneath = np.maximum(-along(free, normal), 0.0)
-    share = before / np.maximum(before + beneath, TINY)
-    shift = -share[:, None] * across(free, normal)
-    return Shifts(nodes, shift)
 
 
 @dataclass(frozen=True, eq=False)

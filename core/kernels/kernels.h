@@ -579,9 +579,9 @@ typedef struct {
     int64_t count, moved;    /* number of points afterwards, and of those that move */
     const int64_t *places;   /* new indices of those that move, ascending and below `count` (moved) */
     const int64_t *former;   /* their former indices, from `count` on (moved) */
-    const float *from;       /* compliance before, of all former points (former points, 3, width) [m/N] */
+    const float *given;      /* compliance before, of all former points (former points, 3, width) [m/N] */
     int64_t width;           /* numbers from the start of one of its rows to the start of the next */
-    float *to;               /* compliance afterwards, which may be the same array (count, 3, stride) [m/N] */
+    float *out;              /* compliance afterwards, which may be the same array (count, 3, stride) [m/N] */
     int64_t stride;          /* numbers from the start of one of its rows to the start of the next */
 } dermis_moves;
 
@@ -608,8 +608,8 @@ typedef struct {
     const int64_t *widths;   /* bytes of a point in each array (arrays) */
     const int64_t *blank;    /* byte that fills the state of a point without a former one (arrays) */
     const int64_t *former;   /* former index of each point, -1 for none (count) */
-    const uint8_t *from;     /* arrays before (before, widths) */
-    uint8_t *to;             /* out: arrays afterwards (count, widths) */
+    const uint8_t *given;    /* arrays before (before, widths) */
+    uint8_t *out;            /* out: arrays afterwards (count, widths) */
 } dermis_states;
 
 /* Nodes that come into contact in a frame, see `friction.c`. */

@@ -15,9 +15,9 @@ DERMIS_NOINLINE static int32_t move(dermis_moves *of) {
         int taken = next < of->moved && of->places[next] == i;
         int64_t was = taken ? of->former[next++] : i;
         for (int64_t row = 3 * i, old = 3 * was; row < 3 * i + 3; row++, old++) {
-            const float *from = of->from + old * of->width;
-            float *to = of->to + row * of->stride;
-            if (to != from) __builtin_memcpy(to, from, 3 * of->count * sizeof(float));
+            const float *from = of->given + old * of->width;
+            float *to = of->out + row * of->stride;
+            if (to != from) __builtin_memcpy(to, from, (size_t)(3 * of->count) * sizeof(float));
             fill(of, from, to);
         }
     }
@@ -87,8 +87,8 @@ DERMIS_FUNCTION(dermis_succeed, dermis_heirs, sound_heirs, succeed)
 
 /* Copy the state of points to their new places, array after array; other points get the blank state. */
 DERMIS_NOINLINE static int32_t rearrange(dermis_states *of) {
-    const uint8_t *from = of->from;
-    uint8_t *to = of->to;
+    const uint8_t *from = of->given;
+    uint8_t *to = of->out;
     for (int64_t k = 0; k < of->arrays; k++) {
         int64_t width = of->widths[k];
         for (int64_t i = 0, run; i < of->count; i += run, to += run * width) {

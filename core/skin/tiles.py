@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..arrays import Array, Indices
+from ..arrays import Indices
 
 # Numbers of halvings of the sides of bars, along and around the finger.
 BARS = ((0, 1), (1, 0), (0, 2), (2, 0), (1, 2), (2, 1), (0, 3), (3, 0), (1, 3), (3, 1))
@@ -141,26 +141,3 @@ class Tiles:
         k = np.arange(len(owner)) - np.repeat(np.cumsum(number) - number, number)
         place = (self.place[tiles] << more)[owner] + k[:, None] * (more > 0)[owner]
         return self.find(self.root[tiles][owner], (self.halved[tiles] + more)[owner], place), owner
-
-    def overlap(self, tiles: Indices, others: Indices) -> tuple[Indices, Indices, Array]:
-        """Return the pairs of tiles in `tiles` and `others` that overlap.
-
-        Returns:
-            For each pair, the position in `tiles`, the position in `others`, and the share of the first tile's area
-            that the second one covers, shape (k,) each. Areas are those in the chart.
-        """
-        order = np.argsort(self.root[others], kind="stable")
-        ranked = self.root[others[order]]
-        low, high = (np.searchsorted(ranked, self.root[tiles], side) for side in ("left", "right"))
-        one = np.repeat(np.arange(len(tiles)), high - low)
-        two = order[np.arange(len(one)) - np.repeat(np.cumsum(high - low) - high, high - low)]
-        ends = []
-        for cells, which in ((tiles, one), (others, two)):
-            size = (1 << self.levels) >> self.halved[cells]
-            start = self.place[cells] * size
-            ends += [start[which], (start + size)[which]]
-        low, high, low_, high_ = ends
-        sides = np.maximum(np.minimum(high, high_) - np.maximum(low, low_), 0) / (high - low)
-        share = sides[:, 0] * sides[:, 1]
-        met = np.flatnonzero(share > 0.0)
-        return one[met], two[met], share[met]

@@ -65,7 +65,7 @@ class PointMatrix:
             self._store, self._saved = np.empty((room, room), dtype=np.float32), False
         if len(holes) or store is not self._store:
             moves = records.MovesRecord(size, len(holes), address(holes), address(former), address(store), len(store))
-            moves.to, moves.stride = address(self._store), len(self._store)
+            moves.out, moves.stride = address(self._store), len(self._store)
             kernels().move_points(byref(moves))
         self.cells = np.concatenate([self.cells[order], entering])
         if entered:

@@ -20,23 +20,17 @@ from core.kernels import building, library
 from tests.kernel_arrays import (
     GIVEN,
     Arrays,
-    Contact,
-    DrawnSkin,
-    Friction,
-    Law,
-    Pieces,
-    Pressed,
-    Rest,
-    Searched,
-    Survey,
-    Touch,
+    Case,
     drawn,
+    drawn_arrivals,
+    drawn_change,
     drawn_contact,
     drawn_friction,
     drawn_law,
     drawn_pieces,
     drawn_pressed,
     drawn_rest,
+    drawn_rows,
     drawn_search,
     drawn_skin,
     drawn_survey,
@@ -70,15 +64,14 @@ def answers(own: ctypes.CDLL | RemoteLibrary) -> list[bytes]:
     return out
 
 
-def cases() -> list[
-    Arrays | Contact | Friction | Survey | Law | Rest | Pieces | Pressed | Searched | Touch | DrawnSkin
-]:
+def cases() -> list[Case]:
     """Return arrays of all kinds for all functions."""
     surveys = [drawn_survey(seed) for seed in range(12)]
     tissue = [*map(drawn_law, range(20)), *map(drawn_rest, range(6))]
     pads = [*surveys, *map(drawn_pieces, range(6)), *map(drawn_skin, range(27))]
     contacts = [*map(drawn_contact, range(20)), *map(drawn_friction, range(20)), *map(drawn_pressed, range(40))]
     contacts += [*map(drawn_touch, range(30)), *map(drawn_search, range(40))]
+    pads += [*map(drawn_rows, range(12)), *map(drawn_change, range(20)), *map(drawn_arrivals, range(12))]
     return [*(drawn(seed) for seed in range(0, 40, 3)), *contacts, *tissue, *pads]
 
 
@@ -219,6 +212,15 @@ def sanitized(path: str, short: bool = False) -> None:
         pieces = drawn_pieces(seed)
         pieces.sides.flat[rng.integers(0, pieces.sides.size)] = rng.choice(bad)
         refused += any(pieces.call(own))
+        change, rows = drawn_change(seed), drawn_rows(seed)
+        rows.pieces.positions.flat[rng.integers(0, rows.pieces.positions.size)] = rng.choice(bad)
+        for name in ("places", "former", "left", "sources", "order") if seed % 2 else ():
+            array = getattr(change, name)
+            if array.size:
+                array[rng.integers(0, array.size)] = rng.choice([-2, 200, 2**62])
+        if seed % 5 == 0:
+            rows.source[rng.integers(0, len(rows.source))] = rng.choice([-1, 12, 2**62])
+        refused += any(change.call(own)) + any(rows.call(own))
         touch = drawn_touch(seed)
         for name in ("points", "where", "drag", "force", "areas", "compliance") if seed % 2 else ():
             array = getattr(touch, name)

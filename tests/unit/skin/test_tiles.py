@@ -10,6 +10,7 @@ pytest.importorskip("scipy")
 from core.skin.pad_chart import PadChart
 from core.skin.shape import FingertipShape
 from core.skin.tiles import ALONG, AROUND, BOTH
+from tests.overlaps import overlap
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +35,7 @@ def test_parts_cover_what_they_are_cut_from(chart):
         assert len(np.unique(owner)) == len(whole)
         areas = np.bincount(owner, chart.cells.areas[parts])
         np.testing.assert_allclose(areas, chart.cells.areas[whole], rtol=3e-3)
-        one, two, share = tiles.overlap(whole, parts)
+        one, two, share = overlap(tiles, whole, parts)
         np.testing.assert_allclose(np.bincount(one, share), 1.0)
         np.testing.assert_array_equal(np.sort(owner), np.sort(one))
         assert len(np.unique(two)) == len(parts)
@@ -50,9 +51,3 @@ def test_bars_are_rows_of_squares(chart):
     assert (np.diff(tiles.halved[squares], axis=1) == 0).all()
     for k in range(2):
         np.testing.assert_allclose(np.bincount(owner, chart.places[squares, k]) / [8, 2, 1], chart.places[bars, k])
-
-
-def test_crossing_bars_share_a_square(chart):
-    tiles = chart.tiles
-    one, two, share = tiles.overlap(tiles.first[[0], 2] + 1, tiles.first[2, [0, 0]] + [2, 6])
-    assert (one.tolist(), two.tolist(), share.tolist()) == ([0], [0], [0.25])

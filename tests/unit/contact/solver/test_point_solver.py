@@ -371,17 +371,18 @@ def test_splitting_and_merging_keep_the_force(pad):
     coarse = chart.base[100:110]
     fine = chart.children(chart.children(coarse).ravel()).ravel()
     force = random.normal(size=(len(coarse), 3))
-    down = succession(chart, coarse, np.arange(len(coarse)), fine)
-    spread = np.zeros((len(fine), 3))
-    down.force(force, spread)
+    spread, _ = succession(chart.tiles, coarse, np.arange(len(coarse)), fine, force)
     np.testing.assert_allclose(spread.sum(axis=0), force.sum(axis=0), atol=1e-12)
-    up = succession(chart, fine, np.arange(len(fine)), coarse)
-    back = np.zeros_like(force)
-    up.force(spread, back)
+    back, main = succession(chart.tiles, fine, np.arange(len(fine)), coarse, spread)
     np.testing.assert_allclose(back, force, atol=1e-12)
-    heirs, main = up.main(np.einsum("ij,ij->i", spread, spread))
-    np.testing.assert_array_equal(heirs, np.arange(len(coarse)))
-    assert (main // 16 == heirs).all()
+    assert (main // 16 == np.arange(len(coarse))).all()
+
+
+def test_a_bar_passes_its_force_on_to_bars_that_cross_it(pad):
+    tiles = pad.chart.tiles
+    bar, others = tiles.first[[0], 2] + 1, tiles.first[2, [0, 0]] + [2, 6]
+    force, main = succession(tiles, bar, np.array([1]), others, np.array([[9.0, 9.0, 9.0], [1.0, 2.0, 3.0]]))
+    assert (force.tolist(), main.tolist()) == ([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]], [1, -1])
 
 
 def test_the_compliance_follows_its_cells(pad):

@@ -20,6 +20,7 @@ from core.skin.surface_compliance import SurfaceCompliance
 from core.skin.surface_store import surface_compliance
 from core.surface.gap import Surface
 from tests.kernel_arrays import drawn_survey, opened
+from tests.overlaps import overlap
 from tests.steps import step
 
 AT = 0.5e-3  # depth of a press [m]
@@ -125,7 +126,7 @@ def test_a_finger_that_came_by_another_way_has_the_same_cells(pad: SurfaceCompli
 
 def test_cells_do_not_overlap(pad: SurfaceCompliance) -> None:
     for cells in dragged(pad):
-        one, other, _ = pad.chart.tiles.overlap(cells, cells)
+        one, other, _ = overlap(pad.chart.tiles, cells, cells)
         np.testing.assert_array_equal(one, other)
 
 

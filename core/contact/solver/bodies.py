@@ -90,8 +90,8 @@ class ContactBody:
             self.surface is other.surface
             and self.friction == other.friction
             and self.softness == other.softness
-            and bool(np.array_equal(self.translation, other.translation))
-            and bool(np.array_equal(self.rotation, other.rotation))
+            and bool((self.translation == other.translation).all())
+            and bool((self.rotation == other.rotation).all())
         )
 
 

@@ -79,12 +79,21 @@ class ContactHistory:
         self.record = records.FrictionRecord(count, 0, None, *(first + start for start in starts[1:-1]))
         if block is None:
             self.body[:] = self._triangle[:] = self._corners[:] = -1
+        self._empty: bool | None = None  # None: not known
         self._faces: dict[int, NDArray[np.integer]] = {}  # triangles of deforming bodies when anchors were set
         self._seen: tuple[Sequence[ContactBody], Array] | None = None  # bodies, and what `expected` found for them
+
+    @property
+    def empty(self) -> bool:
+        """Whether no node has an anchor."""
+        if self._empty is None:
+            self._empty = not (self.body >= 0).any()
+        return self._empty
 
     def clear(self) -> None:
         """Remove all anchors; the next frame starts from rest."""
         self.body[:] = -1
+        self._empty = True
         self.sticking[:] = False
         self._seen = None
         self._faces.clear()
@@ -272,7 +281,7 @@ class ContactHistory:
         record.shifted, record.entered = len(nodes), len(entering)
         record.positions, record.renewed = address(positions), address(renewed)
         self.call(kernels().keep)
-        self._seen = None
+        self._seen = self._empty = None
         for index, _ in self._shaped(gaps.bodies):
             own = (renewed & (self.body == index)).nonzero()[0]
             self._put(gaps.bodies, own, self.body[own], gaps.triangle[own], positions[own])

@@ -181,7 +181,7 @@ class PathSolver:
     @property
     def fresh(self) -> bool:
         """Whether there is no history: the next frame is the first that touches or is near something."""
-        return not (self.history.body >= 0).any()
+        return self.history.empty
 
     @property
     def bodies(self) -> tuple[ContactBody, ...]:

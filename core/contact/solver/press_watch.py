@@ -15,6 +15,7 @@ import numpy as np
 
 from ...arrays import Array, Indices
 from .bodies import ContactBody, NodeGaps, moved, paired
+from .cone import along
 from .path_step import PathStep
 
 # Loss of force that is tolerated while all bodies press deeper: as a share of the largest force, and as a force over
@@ -75,11 +76,12 @@ class PressWatch:
             step: result of the frame.
             points: points of the undeformed skin [m], shape (m, 3).
         """
-        pushed, loaded, before = float(step.solution.force[:, 2].sum()), step.solution.loaded, self._held
-        if loaded.any():
+        pushed, loaded, before = float(step.solution.force[:, 2].sum()), step.solution.loaded.nonzero()[0], self._held
+        if len(loaded):
             assert step.gaps is not None
-            push = (step.solution.normal_force[:, None] * step.solution.normals)[loaded]
-            self._held = _Held(points[loaded], step.gaps.body[loaded], push)
+            normals = step.solution.normals.take(loaded, axis=0)
+            push = along(step.solution.force.take(loaded, axis=0), normals)[:, None] * normals
+            self._held = _Held(points.take(loaded, axis=0), step.gaps.body.take(loaded), push)
         # A body that slipped off is still compared at the points at which it pressed last.
         if pushed >= self.most or not all(
             _deeper(came, step.gaps, *held) for held in (before, self._held) if held.body.size

@@ -68,7 +68,7 @@ class NodalForces:
         self._slopes = np.stack([-second - third, second, third], axis=1)
         self._normals = normals / np.sqrt(scale)
         squares = np.einsum("nka,nka->n", self._arms, self._arms)[:, None, None] * np.eye(3)
-        # forces on the corners, without a sum, that turn the triangle by a moment about its centre
+        # matrices from a moment about the centre to forces on the corners whose sum is zero [1/m]
         inertia = squares - np.einsum("nka,nkb->nab", self._arms, self._arms)
         self._turns = _cross(self._arms) @ np.linalg.inv(inertia)[:, None]
 

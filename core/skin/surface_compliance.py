@@ -109,6 +109,7 @@ class SurfaceCompliance:
         return RowTable(len(self.chart.base), self._coarse, together=8)
 
     def _coarse(self, cells: Indices) -> Floats32:
+        """Return rows of `coarse`."""
         base = self.chart.base
         return self._rows(cells, base, 1.0, np.zeros((3, 3))).reshape(len(cells), 3, len(base), 3)
 
@@ -136,6 +137,7 @@ class SurfaceCompliance:
     ) -> Floats32:
         """Return `rows` for given 1 / E [1/Pa] and compliance of the bone's support [m/N]."""
         rows = np.empty((3 * len(new), 3 * len(members)), np.float32) if out is None else out
+        new, members = np.ascontiguousarray(new, np.int64), np.ascontiguousarray(members, np.int64)
         phi, rank, single = self.functions(members).T, self.remainder.rank, rows.itemsize
         record = records.CellsRecord(cells=addressof(self._pieces), columns=len(members), source=address(members))
         record.poisson, record.factor, record.spring[:] = self.material.poisson, factor, spring.ravel().tolist()

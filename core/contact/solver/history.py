@@ -18,7 +18,7 @@ from ...surface.plane import Plane
 from ...surface.topology import cut_otherwise
 from .bodies import ContactBody, Expected, NodeGaps, corners_of, from_material, owned, to_material, unplaced
 
-# The arrays of a history in the order of the kernels' record, with numbers of a node, and types. `_local` has no
+# The arrays of a history in the order of the kernels' record, with the numbers of a node, and types. `_local` has no
 # field there. All lie in one block, with `sticking` of one byte a node at its end.
 _ARRAYS: tuple[tuple[str, int, type[np.generic]], ...] = (
     ("_local", 3, np.float64),
@@ -33,8 +33,8 @@ _ARRAYS: tuple[tuple[str, int, type[np.generic]], ...] = (
     ("sticking", 1, np.bool_),
 )
 # Bytes of a node in each of these arrays, and the byte that fills it without a history: integers are then -1.
-_WIDTHS = np.array([np.dtype(kind).itemsize * width for _, width, kind in _ARRAYS])
-_BLANK = np.array([255 if kind is np.int64 else 0 for _, _, kind in _ARRAYS])
+_WIDTHS = np.array([np.dtype(kind).itemsize * width for _, width, kind in _ARRAYS], dtype=np.int64)
+_BLANK = np.array([255 if kind is np.int64 else 0 for _, _, kind in _ARRAYS], dtype=np.int64)
 _NODE = int(_WIDTHS.sum())
 _STARTS = [*np.cumsum(_WIDTHS).tolist()]  # of all arrays but the first, in bytes a node; the last one is the end
 NOTHING = np.zeros(0, dtype=np.int64), np.zeros((0, 3))  # no node is shifted

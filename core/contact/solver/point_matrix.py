@@ -55,7 +55,7 @@ class PointMatrix:
         count, entered = len(self.cells), len(entering)
         size = count - len(leaving)
         order = np.arange(size)
-        holes = leaving[leaving < size]
+        holes = np.ascontiguousarray(leaving[leaving < size], np.int64)
         stays = np.ones(count - size, dtype=np.bool_)  # of the last points, which fill the holes
         stays[leaving[len(holes) :] - size] = False
         order[holes] = former = size + stays.nonzero()[0]

@@ -35,7 +35,8 @@ def succession(
     """
     n = len(entering)
     inherited, main, load = np.empty((n, 3)), np.empty(n, dtype=np.int64), np.empty(n)
-    given = [np.ascontiguousarray(array) for array in (leaving, sources, entering, force)]
+    given = [np.ascontiguousarray(array, np.int64) for array in (leaving, sources, entering)]
+    given.append(np.ascontiguousarray(force))
     fixed = map(address, (tiles.root, tiles.halved, tiles.place))
     record = records.HeirsRecord(tiles.count, tiles.levels, *fixed, len(leaving), n, len(force), *map(address, given))
     record.inherited, record.main, record.load = address(inherited), address(main), address(load)

@@ -191,7 +191,9 @@ class NearestPoints:
 def _refuse_huge(what: str, values: Array) -> None:
     largest = float(np.abs(values).max(initial=0.0))
     if largest > LARGEST:
-        raise DermisError(f"{what} is too large for a distance", where="look-up table", value=largest, limit=f"{LARGEST:g}")
+        raise DermisError(
+            f"{what} is too large for a distance", where="look-up table", value=largest, limit=f"{LARGEST:g}"
+        )
 
 
 def _squared(points: Array, query: Array) -> Array:

@@ -10,7 +10,6 @@ from core.contact.solver import frame_friction
 from core.contact.solver.cone import SLIP, STICK, along
 from core.contact.solver.grip import GripStep
 from core.contact.solver.solve import Solution
-from core.contact.solver.within_frame import NONE
 
 Array = NDArray[np.float64]
 
@@ -18,7 +17,7 @@ Array = NDArray[np.float64]
 def at_frame_ends_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let paths follow Coulomb's law at the ends of frames alone, as a disc on the skin does."""
     monkeypatch.setattr(frame_friction, "changing", lambda *_: 0.0)
-    monkeypatch.setattr(frame_friction, "crossed", lambda *_: NONE)
+    monkeypatch.setattr(frame_friction.FrameFriction, "notice", lambda *_: None)
 
 
 def complementarity_residual(solution: Solution) -> float:

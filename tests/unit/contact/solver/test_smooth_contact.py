@@ -44,7 +44,7 @@ def test_a_point_over_one_flat_face_sees_from_one_place_what_it_sees_from_all(pa
     all_places = contact._prepared(points, [block], still)
     all_places.record.thorough = 1
     smooth_contact._call(all_places.record)
-    wanted = smooth_contact._gaps(all_places, [block])
+    wanted = smooth_contact._gaps(all_places, [block], all_places.arrays)
     near = np.flatnonzero(wanted.clearance < 0.1e-3)  # points farther away look but once at first
     assert len(near) > 20
     np.testing.assert_allclose(seen.clearance[near], wanted.clearance[near], atol=1e-12)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from core.contact.solver.path_solver import PathSolver
+from core.contact.solver.point_set import SPREAD
 from core.contact.solver.point_solver import PointSolver
 from core.contact.solver.posed_records import ROUND
-from core.contact.solver.smooth_contact import LIFT, RATIO, SPREAD
+from core.contact.solver.smooth_contact import LIFT, RATIO
 from core.devices import disc as module
 from core.devices.disc import DiscContact
 from core.devices.disc_pose import Disc, FrictionState, placed

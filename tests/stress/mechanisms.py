@@ -96,8 +96,8 @@ def judge_thimble(values: Values) -> Verdict:
     angles = np.array(inverse_kinematics(device, *x.tolist())[0])
     over = max(float((angles - high).max()), float((low - angles).max()))
     verdict.hold("bounds", max(over, 0.0), tolerances.BEYOND)
-    room, slopes = device.constraints(x, low, high)
-    verdict.hold("finite", int((~np.isfinite(room)).sum() + (~np.isfinite(slopes)).sum()), 0)
+    room = device.constraints(x, low, high)
+    verdict.hold("finite", int((~np.isfinite(room)).sum()), 0)
     verdict.hold("constraints", max(-float(room.min()), 0.0), 1e-9)
     back = device.forward(angles, level)
     off = np.abs(back - x) / [1.0, 1.0, device.platform_radius]

@@ -49,7 +49,8 @@ PLANE: Values = {**EDGE, "shape": "block", "tilt": 0.0, "roll": 0.0, "devices": 
 BALL: Values = {**EDGE, "shape": "ball_12", "speed": 0.02, "depth": 0.8e-3, "slide": 1.5e-3}
 WORSE = 1.2
 # What is shown today, of the invariances that are not kept; on the edge, but strides on the ball. Each is the largest
-# of three: x moved by 0 to 5e-12 m, and the BLAS kernels of two processors (OPENBLAS_CORETYPE Haswell and Sandybridge).
+# seen with x moved by 0 to 5e-12 m, and with the BLAS kernels of three processors (OPENBLAS_CORETYPE Haswell,
+# Sandybridge and SkylakeX).
 TODAY: dict[str, dict[str, float]] = {
     "strides": {
         "force": 0.00115,
@@ -59,7 +60,7 @@ TODAY: dict[str, dict[str, float]] = {
         "pins": 0.0053,
         "thimble": 0.00156,
     },
-    "mirrored": {"force": 0.000623, "torque": 0.00173, "nodal": 0.00201, "stress": 0.00495},
+    "mirrored": {"force": 0.000623, "torque": 0.00173, "nodal": 0.00202, "stress": 0.00941},
 }
 # The same on the plane, where bounds are tight enough to notice a mistake in what is judged.
 ON_PLANE: dict[str, dict[str, float]] = {

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
-from .triangles import TriangleTable
+from .triangles import TriangleTable, column_crosses
 
 # A line that passes a triangle at up to this share of its size crosses it, so that no line slips between two triangles.
 OVERLAP = 1e-9
@@ -48,7 +48,7 @@ def first_crossing(table: TriangleTable, start: Array, end: Array, side: int = 1
             origin, way = start[own].T, (end[own] - start[own]).T
             a, ab, ac = (table.rows[k : k + 3].take(chosen[near], axis=1) for k in (0, 3, 6))
             offset = origin - a
-            normal, across = _cross(ab, ac), _cross(offset, way)
+            normal, across = column_crosses(ab, ac), column_crosses(offset, way)
             along = _dot(way, normal)  # negative if the line enters against the normal
             with np.errstate(divide="ignore", invalid="ignore"):
                 t, u, w = -_dot(offset, normal) / along, -_dot(across, ac) / along, _dot(across, ab) / along
@@ -114,14 +114,6 @@ def _close(start: Array, way: Array, middle: Array, radius: Array, front: Array)
     above = start @ front - np.einsum("in,in->n", middle, front)
     close &= (above >= -NEAR) & (above + way @ front <= NEAR)
     return close.nonzero()
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Return the cross products of columns, shape (3, n)."""
-    out = np.empty_like(a)
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.subtract(a[j] * b[k], a[k] * b[j], out=out[i])
-    return out
 
 
 def _dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> Array:

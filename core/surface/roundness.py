@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Array, Indices
 from .topology import BOUNDARY, Topology
-from .triangles import TriangleTable
+from .triangles import TriangleTable, column_crosses, column_dots
 
 # Two faces form an edge if their normals differ by more than this [rad]; below it they approximate a curved surface.
 EDGE = 0.5
@@ -36,8 +36,8 @@ def roundness(table: TriangleTable, topology: Topology) -> float:
     triangle, edge = known.nonzero()
     other = across[triangle, edge]
     own = normals[:, triangle]
-    turn = np.arccos(np.clip(_dot(own, normals[:, other]), -1.0, 1.0))
-    below = _dot(middles[:, other] - middles[:, triangle], own) < 0.0
+    turn = np.arccos(np.clip(column_dots(own, normals[:, other]), -1.0, 1.0))
+    below = column_dots(middles[:, other] - middles[:, triangle], own) < 0.0
     bent = turn > FLAT
     convex = bent & below
     if not convex.any():
@@ -54,16 +54,11 @@ def roundness(table: TriangleTable, topology: Topology) -> float:
     return float((apart / turn).min())
 
 
-def _dot(a: Array, b: Array) -> Array:
-    """Return the dot products of columns, shapes (3, n)."""
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-
-
 def _twice_areas(table: TriangleTable) -> Array:
     """Return twice the area of each triangle [m^2], shape (T,)."""
     a, b = table.rows[3:6], table.rows[6:9]
-    normal = np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-    return np.sqrt(_dot(normal, normal))
+    normal = column_crosses(a, b)
+    return np.sqrt(column_dots(normal, normal))
 
 
 def _normals(table: TriangleTable, across: Indices, area: Array) -> Array:

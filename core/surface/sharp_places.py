@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..arrays import Array, Indices
 from .roundness import EDGE
 from .topology import BOUNDARY, Topology
-from .triangles import TriangleTable
+from .triangles import TriangleTable, column_crosses, column_dots
 
 # Solid angle of the normals at a vertex above which it is a corner [sr]: that of normals that differ by up to `EDGE`, a
 # cap with half its opening. Below it, faces approximate a curved surface.
@@ -58,8 +58,8 @@ def _corners(
     angles = np.zeros((3, len(corners)))
     for k in range(3):
         one, two = (places[:, (k + j) % 3].T - places[:, k].T for j in (1, 2))
-        across = _cross(one, two)
-        angles[k] = np.where(live, np.arctan2(np.sqrt(_dot(across, across)), _dot(one, two)), 0.0)
+        across = column_crosses(one, two)
+        angles[k] = np.where(live, np.arctan2(np.sqrt(column_dots(across, across)), column_dots(one, two)), 0.0)
     at, count = corners.T.ravel(), len(vertices)
 
     def sums(values: Array) -> Array:
@@ -69,19 +69,9 @@ def _corners(
     angle = sums(angles)
     mean = np.stack([sums(angles * normals[:, i]) for i in range(3)])
     middle = places.mean(axis=1)
-    below = [_dot(mean[:, corners[:, k]], (middle - places[:, k]).T) for k in range(3)]
+    below = [column_dots(mean[:, corners[:, k]], (middle - places[:, k]).T) for k in range(3)]
     sunk = sums(angles * np.stack(below))  # whether the faces around a vertex lie below it
     used = np.zeros(len(vertices), dtype=np.bool_)
     used[corners[live].ravel()] = True
     sharp = used & (2.0 * np.pi - angle > CORNER) & (sunk < 0.0) & (topology.vertex_kind != BOUNDARY)
     return np.asarray(vertices[sharp])
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Return the cross products of columns, shape (3, n)."""
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
-
-
-def _dot(a: Array, b: Array) -> Array:
-    """Return the dot products of columns, shapes (3, n)."""
-    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])

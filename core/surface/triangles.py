@@ -47,7 +47,7 @@ class TriangleTable:
         ab, ac = b - a, c - a
         rows = np.empty((14, triangles.shape[0]))
         rows[0:3], rows[3:6], rows[6:9] = a, ab, ac
-        rows[9], rows[10], rows[12] = _dot(ab, ab), _dot(ac, ac), _dot(ab, ac)
+        rows[9], rows[10], rows[12] = column_dots(ab, ab), column_dots(ac, ac), column_dots(ab, ac)
         rows[11] = rows[9] - 2.0 * rows[12] + rows[10]
         bounds = np.empty((7, triangles.shape[0]))
         centre = bounds[0:3]
@@ -79,7 +79,7 @@ class TriangleTable:
         return TriangleTable(rows, bounds, self.usable & ~ignored, self.slivers)
 
 
-def _dot(a: Array, b: Array) -> Array:
+def column_dots(a: Array, b: Array) -> Array:
     """Return dot products of columns, from shapes (..., 3, n) to (..., n)."""
     product = a * b
     out: Array = product[..., 0, :] + product[..., 1, :]
@@ -88,4 +88,12 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _square(a: Array) -> Array:
-    return _dot(a, a)
+    return column_dots(a, a)
+
+
+def column_crosses(a: Array, b: Array) -> Array:
+    """Return the cross products of columns, shape (3, n)."""
+    out = np.empty_like(a)
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        np.subtract(a[j] * b[k], a[k] * b[j], out=out[i])
+    return out

@@ -51,6 +51,29 @@ def test_a_point_over_one_flat_face_sees_from_one_place_what_it_sees_from_all(pa
     np.testing.assert_allclose(seen.normal[near], wanted.normal[near], atol=1e-9)
 
 
+def test_what_is_left_in_a_kept_workspace_changes_no_byte(pad: SurfaceCompliance) -> None:
+    """A workspace of more points, full of NaN, beside a new one."""
+    points, places = PointSet(pad), pad.cells.positions[: pad.chart.starts[1]]
+    low = np.flatnonzero(places[:, 2] < places[:, 2].min() + 1.5e-3)
+    points.change(np.zeros(0, dtype=np.int64), low)
+    zero, found = np.zeros((len(low), 3)), []
+    edge = ContactBody(Surface.edge(), translation=np.array([1e-4, 0.0, places[:, 2].min() + 1e-3]), friction=0.3)
+    for kept in (False, True):
+        contact = SmoothContact(REACH, BONE)
+        if kept:
+            contact._space = smooth_contact._Workspace(2 * len(low))
+            for array in (contact._space.room, contact._space.work, contact._space.gathered):
+                array.fill(np.nan)
+            contact._space.active.fill(-7)
+        gaps = contact.look(points, [edge], zero)
+        near = np.where(gaps.body >= 0, gaps.gap, 0.0)
+        solved = contact.solve(points, near[:, None] * gaps.normal, gaps, zero, 0.0, 3e-6, 3e-5)
+        found.append((gaps.clearance, solved.solution.force, solved.image, solved.solution.status))
+    assert found[0][1].any()
+    for one, other in zip(*found, strict=True):
+        assert one.tobytes() == other.tobytes()
+
+
 def walls(*angles: float) -> list[ContactBody]:
     """Return planes through the Y axis, whose normals have these angles to Z [degrees]."""
     normals = [np.array([np.sin(a), 0.0, np.cos(a)]) for a in np.radians(angles)]

@@ -27,6 +27,8 @@ from .law_frame import solved_by_law
 from .law_skin import Fold, LawSkin
 from .notes import Notes
 from .path_step import PathStep, SolvedFrame
+from .point_set import ContactPoints, Nodes, spacing
+from .smooth_contact import SmoothContact
 from .solve import MOST_SWEEPS, Solution, status_of
 from .sweeps import sweep
 from .within_frame import STILL
@@ -40,9 +42,6 @@ TOLERANCE = 3e-6
 CHECK = 10.0
 # The last forces are used again if their residual in the new frame is at most this multiple of the tolerance.
 UNCHANGED = 1.0
-# Nodes with less clearance than this [m], measured from where the last frame left them, are swept from the start;
-# others join when they penetrate. This changes the run time only.
-AHEAD = 0.2e-3
 # A frame that took at most this many sweeps counts as easy: the next one tries the last forces first.
 EASY = 3
 # Largest depth at which linear skin is trusted [m]; `presets/ACCURACY.md` has the error of its stress.
@@ -65,6 +64,7 @@ class PathSolver:
         compliance: compliance matrix of the pad nodes [m/N], shape (3 m, 3 m), or a `Compliance` with a state-dependent
             offset.
         points: undeformed pad nodes in the finger's frame [m], shape (m, 3).
+        normals: unit normals out of the skin at the nodes, shape (m, 3); None for the directions away from the bone.
         areas: skin of each node [m^2], shape (m,); needed where a body is soft.
         tolerance: largest residual accepted, see `Solution.residual`.
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
@@ -88,6 +88,7 @@ class PathSolver:
         compliance: Array | Compliance,
         points: Array,
         *,
+        normals: Array | None = None,
         areas: Array | None = None,
         tolerance: float = TOLERANCE,
         bone: Array = BONE,
@@ -105,13 +106,13 @@ class PathSolver:
             raise DermisError(
                 "the compliance does not fit the nodes", where=name, value=c.shape, limit=f"({3 * m}, {3 * m})"
             )
-        self._c = c.astype(np.float32)  # as on points: memory limits the speed of sweeps, and 1e-7 of it is enough
+        self._touching: ContactPoints = Nodes.of(self.points, normals, areas, c, self.bone)
+        self._c = self._touching.compliance  # single precision: memory limits the speed of sweeps, and 1e-7 is enough
         self._own = own_compliance(c)
         refuse_indefinite(c, name)
-        extent = np.sort(np.ptp(self.points, axis=0))
-        spacing = float(np.sqrt(max(extent[-1] * extent[-2], 1e-12) / m))
         # skin bulges by no more than an object is pressed in, so nodes beyond this radius are not touched
-        self.search_radius = max(2.5 * spacing, 2.5e-3)
+        self.search_radius = max(2.5 * spacing(self.points), 2.5e-3)
+        self._contact = SmoothContact(self.search_radius, self.bone)
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
         self._status = np.zeros(m, dtype=np.int8)
@@ -271,7 +272,7 @@ class PathSolver:
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps without solving the frame."""
         bodies = tuple(bodies)  # `ContactHistory` keeps anchors for this very tuple, so `offset` finds them
-        return node_gaps(self.points, bodies, self.search_radius, self.bone, self._expected(bodies))
+        return self._contact.look(self._touching, bodies, self._expected(bodies).places - self.points)
 
     def _expected(self, bodies: Sequence[ContactBody]) -> Expected:
         """Return the expected places of the skin in the next frame."""
@@ -378,9 +379,10 @@ class PathSolver:
 
     def iterated(self, b: Array, shift: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
         """Solve a frame on linear skin from forces to start from [N], shape (m, 3); see `LinearContact.iterated`."""
+        if gaps.where is not None:
+            return self._contact.solve(self._touching, b, gaps, start, shift, self.tolerance, CHECK * self.tolerance)
         normal, mu = gaps.normal, gaps.friction
-        likely = gaps.clearance < AHEAD
-        found = sweep(self._matrix, b + shift, normal, mu, soft, start, self.tolerance, MOST_SWEEPS, likely)
+        found = sweep(self._matrix, b + shift, normal, mu, soft, start, self.tolerance, MOST_SWEEPS)
         w, status, goal = found.displacement, found.status, CHECK * self.tolerance
         solution = Solution(found.force, w, normal, mu, status, found.sweeps, found.residual, goal, "sweeps")
         return SolvedFrame(solution, found.image, "solved")

@@ -73,7 +73,7 @@ class PointSolver(PathSolver):
         self.surface, self.nodes = surface, nodes
         self.search_radius = REACH
         self._tree = PointTree(surface)
-        self._points = PointSet(surface)
+        self._points = self._touching = PointSet(surface)
         self._contact = SmoothContact(REACH, self.bone)
         self.operator = Linear(np.zeros((0, 0)))
         self.history = ContactHistory(0)
@@ -208,10 +208,6 @@ class PointSolver(PathSolver):
         gaps = self._contact.look(self._points, bodies, expected.places - self.points)
         self._calm = None if asks else gaps
         return gaps
-
-    def iterated(self, b: Array, shift: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
-        """Solve a frame on linear skin from forces to start from [N], shape (m, 3); see `LinearContact.iterated`."""
-        return self._contact.solve(self._points, b, gaps, start, shift, self.tolerance, CHECK * self.tolerance)
 
     # -- the points ----------------------------------------------------------------------------------------------
 

@@ -19,7 +19,7 @@ UNIQUE, ROUNDED, ROUND = 0.45e-3, 0.25e-3, 1.0 / 3.0
 
 
 def posed_records(
-    bodies: Sequence[ContactBody], points: Array, reach: float, bone: Array
+    bodies: Sequence[ContactBody], points: Array, reach: float, bone: Array, coarse: float = 1.0
 ) -> tuple[list[int], Records[records.PosedRecord]]:
     """Return the indices of the bodies within reach of points, by precedence, and an array with a record of each.
 
@@ -30,11 +30,12 @@ def posed_records(
         points: points of the skin [m], shape (n, 3).
         reach: largest distance [m].
         bone: a point inside the finger [m], shape (3,).
+        coarse: distance between the points, relative to cells of 0.2 mm.
     """
     near = [i for i in by_precedence(bodies) if in_reach(bodies[i], points, reach)]
     posed = (records.PosedRecord * max(len(near), 1))()
     for record, i in zip(posed, near, strict=False):
-        _pose(record, bodies[i], bone)
+        _pose(record, bodies[i], bone, coarse)
     return near, posed
 
 
@@ -54,15 +55,15 @@ def corners_about(points: Array) -> Array:
     return np.stack([c.ravel() for c in np.meshgrid(*ends.T)], axis=1)
 
 
-def sharpness(body: ContactBody) -> float:
-    """Return the share of the largest lift that a body needs, from `ROUND` to 1."""
+def sharpness(body: ContactBody, coarse: float = 1.0) -> float:
+    """Return the share of the largest lift that a body needs, from `ROUND` to 1; `coarse` as in `posed_records`."""
     if not isinstance(body.surface, Surface):
         return ROUND
-    needed = 1.0 if body.deforms else (UNIQUE - body.surface.roundness) / ROUNDED
+    needed = 1.0 if body.deforms else (UNIQUE - body.surface.roundness / coarse) / ROUNDED
     return min(max(needed, ROUND), 1.0)
 
 
-def _pose(record: records.PosedRecord, body: ContactBody, bone: Array) -> None:
+def _pose(record: records.PosedRecord, body: ContactBody, bone: Array, coarse: float) -> None:
     """Fill in the record of a body."""
     record.side, kernel = 1.0, body.surface.kernel_body
     if kernel is not None:
@@ -76,4 +77,4 @@ def _pose(record: records.PosedRecord, body: ContactBody, bone: Array) -> None:
     record.rotation[:] = np.asarray(body.rotation).reshape(-1).tolist()
     record.translation[:] = body.translation.tolist()
     record.friction, record.softness = body.friction, body.softness
-    record.sharpness = sharpness(body)
+    record.sharpness = sharpness(body, coarse)

@@ -1,4 +1,4 @@
-"""SmoothContact: contact of points of smooth skin with bodies whose edges are rounded for the skin.
+"""SmoothContact: contact of points of the skin with bodies whose edges are rounded for the skin.
 
 A point looks at the bodies from two places that are lifted into the finger along the skin's normal at rest. Both
 distances are extrapolated linearly to the point itself. On a plane this is the exact gap. At an edge the distance from
@@ -31,12 +31,10 @@ from ...kernels.records import address
 from .bodies import ContactBody, NodeGaps
 from .cone import along
 from .path_step import SolvedFrame
-from .point_set import PointSet
+from .point_set import LIFT, RATIO, ContactPoints
 from .posed_records import posed_records
 from .solve import Solution
 
-# LIFT: height of the lower look above the point [m]. RATIO: that of the upper one over it.
-LIFT, RATIO = 0.3e-3, 6.0
 MOST_SWEEPS = 1000  # over all points in one frame
 ROOM = 38  # numbers of a point in the kernel's workspace
 LOOKS = 10  # of a point, each with a hint
@@ -71,7 +69,7 @@ class _Workspace:
 
 
 class SmoothContact:
-    """Gaps and contact forces of points of smooth skin.
+    """Gaps and contact forces of points of the skin.
 
     Args:
         reach: largest distance at which a body is found [m].
@@ -83,7 +81,7 @@ class SmoothContact:
         self._seen: tuple[NodeGaps, _Look] | None = None
         self._space = _Workspace(0)
 
-    def look(self, points: PointSet, bodies: Sequence[ContactBody], where: Array) -> NodeGaps:
+    def look(self, points: ContactPoints, bodies: Sequence[ContactBody], where: Array) -> NodeGaps:
         """Return the gaps of points.
 
         Args:
@@ -103,7 +101,7 @@ class SmoothContact:
 
     def solve(
         self,
-        points: PointSet,
+        points: ContactPoints,
         b: Array,
         gaps: NodeGaps,
         start: Array,
@@ -128,10 +126,10 @@ class SmoothContact:
             assert gaps.where is not None, "these gaps follow no points"
             self.look(points, gaps.bodies, gaps.where)
         assert self._seen is not None
-        look, n = self._seen[1], len(points)
+        look, n = self._seen[1], len(points.positions)
         self._seen = None  # the kernel changes its arrays
         drag = b - np.where(gaps.body >= 0, gaps.clearance, 0.0)[:, None] * gaps.normal
-        matrix, image, moved, status = points.matrix.matrix, np.empty((n, 3)), np.empty((n, 3)), np.empty(n, np.int8)
+        matrix, image, moved, status = points.compliance, np.empty((n, 3)), np.empty((n, 3)), np.empty(n, np.int8)
         force = np.array(start, dtype=np.float64, order="C")
         shifts = np.array(np.broadcast_to(shift, (n, 3)))
         given = {"drag": drag, "shift": shifts, "force": force, "image": image, "moved": moved, "status": status}
@@ -144,9 +142,10 @@ class SmoothContact:
         solution = Solution(force, moved, new.normal, new.friction, status, record.sweeps, residual, goal, "sweeps")
         return SolvedFrame(solution, image, "solved", new)
 
-    def _prepared(self, points: PointSet, bodies: Sequence[ContactBody], where: Array) -> _Look:
-        n, at, zero = len(points), points.positions, np.zeros((len(points), 3))
-        near, posed = posed_records(bodies, at + where, self._reach + RATIO * LIFT, self._bone)
+    def _prepared(self, points: ContactPoints, bodies: Sequence[ContactBody], where: Array) -> _Look:
+        at, lift = points.positions, points.lift
+        n, zero = len(at), np.zeros(at.shape)
+        near, posed = posed_records(bodies, at + where, self._reach + RATIO * lift, self._bone, lift / LIFT)
         arrays = {
             "points": at,
             "inward": points.inward,
@@ -165,7 +164,7 @@ class SmoothContact:
         if n > self._space.count:
             self._space = _Workspace(int(GROWTH * n))
         record = records.TouchRecord(count=n, bodies=len(near), posed=addressof(posed), limit=self._reach)
-        record.width, record.lift, record.ratio = 8 * ROOM, LIFT, RATIO
+        record.width, record.lift, record.ratio = 8 * ROOM, lift, RATIO
         for name, place in self._space.places.items():
             setattr(record, name, place)
         return _Look(_filled(record, arrays), arrays, np.array([*near, -1]), posed)

@@ -7,10 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from core.contact.solver.bodies import ContactBody
+from core.contact.solver.bodies import BONE, ContactBody
 from core.contact.solver.grip import GripStep, HoldContext, HoldingFinger
 from core.contact.solver.grip_solver import GripSolver
 from core.contact.solver.history import ContactHistory
+from core.contact.solver.point_set import Nodes
+from core.skin.model import SkinModel
 from core.surface.gap import Surface
 
 Array = NDArray[np.float64]
@@ -47,3 +49,8 @@ class LoneGrip:
         step = self.solver.step_among(pose, contexts, *rates, scene_frame=scene_frame)
         assert step is not None
         return step
+
+
+def nodes_of(skin: SkinModel) -> Nodes:
+    """Return the pad nodes of a skin."""
+    return Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance, BONE)

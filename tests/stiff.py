@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +12,7 @@ from numpy.typing import NDArray
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
 from core.contact.solver.path_solver import PathSolver
+from core.contact.solver.path_step import PathStep
 from core.skin.model import SkinModel, fingertip_skin
 from core.surface.gap import Surface
 from tests.touches import Solid, Touch, flat
@@ -32,8 +35,20 @@ def on_nodes(skin: SkinModel, tolerance: float = 1e-6, name: str = "finger") -> 
     """
     law = LawSkin.of(skin, None if tolerance >= 3e-5 else max(10.0 * tolerance, 2e-5))
     return PathSolver(
-        skin.compliance, skin.positions, areas=skin.areas, tolerance=tolerance, name=name, depth_limit=np.inf, law=law
+        skin.compliance,
+        skin.positions,
+        skin.normals,
+        areas=skin.areas,
+        tolerance=tolerance,
+        name=name,
+        depth_limit=np.inf,
+        law=law,
     )
+
+
+def frozen(path: PathSolver, bodies: Sequence[ContactBody]) -> PathStep:
+    """Solve the next frame with the gaps of its beginning, which do not follow the nodes."""
+    return path.step_gaps(replace(path.look(bodies), where=None))
 
 
 def press(

@@ -187,7 +187,9 @@ def solver_on(skin: SkinModel, tolerance: float = 1e-6, name: str = "finger") ->
     """Return what follows a touch on points of a smooth skin, or at the nodes of a mesh that has none."""
     pad, law = smooth_pad(skin), LawSkin.of(skin)
     if pad is None:
-        return PathSolver(skin.compliance, skin.positions, areas=skin.areas, tolerance=tolerance, name=name, law=law)
+        return PathSolver(
+            skin.compliance, skin.positions, skin.normals, areas=skin.areas, tolerance=tolerance, name=name, law=law
+        )
     return PointSolver(pad, NodalForces(skin.mesh, pad.chart, skin.follows_law), name=name, law=law)
 
 

@@ -111,7 +111,7 @@ class CompliantBone:
         solver = PathSolver(
             compliance,
             skin.positions,
-            normals=skin.normals,
+            skin.normals,
             areas=skin.areas,
             tolerance=TOLERANCE if tolerance is None else tolerance,
             name=name,

@@ -102,6 +102,6 @@ class HeldBodies:
 
 
 def _holding_finger(stepper: SkinStepper) -> HoldingFinger:
-    solver, skin = stepper.bone.solver, stepper.skin
-    fits = solver.operator.compliance, skin.positions, stepper.name, skin.areas, solver.bone
-    return HoldingFinger(*fits, solver.law)  # the same object, so that its state continues from grip to touch
+    solver = stepper.bone.solver
+    # the law is the same object, so that its state continues from grip to touch
+    return HoldingFinger(solver.compliance, solver.nodes, stepper.name, solver.bone, solver.law)

@@ -16,17 +16,21 @@
 /* SHARE: of a point's way that its normal follows in a visit; with all of it, normals turn back and forth. Where a normal
    still does, its share is halved; else it grows by GROW. Below LEAST the normal is kept.
    TRUST: way since the last look after which a point looks again within the sweeps [m].
-   STILL, FLAT: way after which it looks again in the last round and between rounds, where its normal turns and where it
-   does not [m].
+   STILL: way after which it looks again in the last round and between rounds, over the tolerance [m]. FLAT: the same
+   where its normal does not turn [m].
+   ROUNDING: error of a gap by rounding [m]; points are some centimetres from the origin. Forces that it causes are none.
    CLEAR: gap above which a point without force is not visited [m].
    FAR: gap above which a point takes the plane of its first look [m]. */
 #define SHARE 0.5
 #define GROW 1.1
 #define LEAST 0.02
 #define TRUST 0.05e-3
-#define STILL 3e-7
+#define STILL 0.1
 #define FLAT 0.02e-3
+#define ROUNDING 1e-17
 #define CLEAR 0.05e-3
+#define STEADY 300 /* sweeps of a round after which a visit is a step of the fixed-point iteration of sweeps.c: with much
+                      friction, exact solutions of single points may turn back and forth without end */
 #define LONG 60 /* sweeps of a round after which normals turn in part: points between two faces may look at either in turn */
 #define FAR 0.2e-3
 
@@ -110,7 +114,7 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
             for (int k = 0; k < 3; k++)
                 x[k] = t->points[3 * i + k] + t->where[3 * i + k] + share * (PLACES[p][0] * spread[k] + PLACES[p][1] * spread[3 + k]) + up * inward[k];
             dermis_look(t->posed, t->bodies, far, far, x, inward, &sight);
-            if (sight.body < 0) {
+            if (sight.body < 0 || (p == 4 && !above && sight.gap > t->limit + lift)) {
                 nothing(t, v, i);
                 return;
             }
@@ -221,10 +225,10 @@ static void turn_in_part(dermis_touch *t, view *v, int64_t i, const double *befo
 static void follow(dermis_touch *t, view *v, int64_t i, double trust, int calm) {
     double way[3], before[3];
     way_of(t, v, i, way);
-    if (trust <= STILL && dermis_dot(way, way) <= trust * trust) return;
+    if (trust < TRUST && dermis_dot(way, way) <= trust * trust) return;
     if (calm && v->share < LEAST) return;
     for (int k = 0; k < 3; k++) v->at[k] += SHARE * (way[k] - v->at[k]), before[k] = v->plane[k];
-    if (trust > STILL && dermis_dot(v->at, v->at) <= trust * trust) {
+    if (trust >= TRUST && dermis_dot(v->at, v->at) <= trust * trust) {
         turn(t, v, i);
         return;
     }
@@ -233,15 +237,29 @@ static void follow(dermis_touch *t, view *v, int64_t i, double trust, int calm) 
     if (calm && t->body[i] >= 0) turn_in_part(t, v, i, before);
 }
 
-/* Improve the force on number j of the active points while all others are fixed; return the squared change. */
-static double visit(dermis_touch *t, view *views, active *near, int64_t j, double trust, int calm) {
+/* Compute the force of Alart and Curnier's fixed-point iteration for a relative displacement w [m], found (3).
+
+   own: trace of the point's own compliance [m/N]. */
+static void step_towards(const double *force, const double *w, const double *n, double own, double mu, double *found) {
+    double side[3], along;
+    for (int k = 0; k < 3; k++) side[k] = force[k] - w[k] / own;
+    along = dermis_dot(side, n);
+    for (int k = 0; k < 3; k++) side[k] -= along * n[k];
+    double press = dermis_most(along, 0.0), length = dermis_root(dermis_dot(side, side)), share = length > mu * press ? mu * press / length : 1.0;
+    for (int k = 0; k < 3; k++) found[k] = press * n[k] + share * side[k];
+}
+
+/* Improve the force on number j of the active points while all others are fixed; return the squared change.
+
+   swept: sweeps of this round so far. */
+static double visit(dermis_touch *t, view *views, active *near, int64_t j, double trust, int swept) {
     int64_t i = near->points[j];
     view *v = views + i;
     double *force = t->force + 3 * i, found[3] = {0.0, 0.0, 0.0}, change[3], w[3];
     int pressed = loaded(t, i);
     if (!pressed && (t->body[i] < 0 || gap_of(t, v, i) > clear_of(t))) return 0.0;
     if (v->rough && t->body[i] >= 0) look(t, v, i, 1);
-    if (t->body[i] >= 0 && trust > 0.0) follow(t, v, i, trust, calm);
+    if (t->body[i] >= 0 && trust > 0.0) follow(t, v, i, trust, swept > LONG);
     if (t->body[i] >= 0) {
         const double *n = v->plane;
         double own = 0.0, normal = 0.0, soft = soft_of(t, i), cn[3];
@@ -256,7 +274,9 @@ static double visit(dermis_touch *t, view *views, active *near, int64_t j, doubl
         if (mu == 0.0) /* first turn the force, with what that does to the gap */
             for (int k = 0; k < 3; k++) gap += cn[k] * (along * n[k] - force[k]);
         double press = along - gap / normal, across = 0.5 * (own - normal);
-        if (press > 0.0) {
+        if (swept > STEADY) {
+            step_towards(force, w, n, own, mu, found);
+        } else if (press > 0.0) {
             for (int k = 0; k < 3; k++) found[k] = press * n[k];
             if (mu > 0.0) {
                 double moved[3], side[3], out;
@@ -278,7 +298,7 @@ static double visit(dermis_touch *t, view *views, active *near, int64_t j, doubl
 
    points: indices of the points that are assessed (count); null for all. */
 static void assess(dermis_touch *t, view *views, const int64_t *points, int64_t count) {
-    double error = 0.0, size = 0.0, projected = 0.0;
+    double error = 0.0, size = 0.0, projected = 0.0, least = 0.0;
     for (int64_t j = 0; j < count; j++) {
         int64_t i = points == NULL ? j : points[j];
         const double *force = t->force + 3 * i, *n = views[i].plane;
@@ -295,14 +315,14 @@ static void assess(dermis_touch *t, view *views, const int64_t *points, int64_t 
         for (int k = 0; k < 3; k++) side[k] = v[k] - along * n[k];
         length = dermis_root(dermis_dot(side, side));
         for (int k = 0; k < 3; k++) v[k] = press * n[k] + (length > most ? most / length : 1.0) * side[k];
-        size += dermis_dot(force, force), projected += dermis_dot(v, v);
+        size += dermis_dot(force, force), projected += dermis_dot(v, v), least += 9.0 * ROUNDING * ROUNDING / (own * own);
         for (int k = 0; k < 3; k++) v[k] -= force[k];
         error += dermis_dot(v, v);
         double on = dermis_dot(force, n);
         for (int k = 0; k < 3; k++) side[k] = force[k] - on * n[k];
         if (on > 0.0) t->status[i] = dermis_root(dermis_dot(side, side)) >= rub_of(t, i) * on * (1.0 - 1e-9) ? DERMIS_SLIP : DERMIS_STICK;
     }
-    size = dermis_most(size, projected);
+    size = dermis_most(size, projected) + least;
     t->residual = size > 0.0 ? dermis_root(error / size) : 0.0;
 }
 
@@ -314,7 +334,7 @@ static int look_again(dermis_touch *t, view *views) {
         double way[3];
         if (t->body[i] < 0 || (!loaded(t, i) && gap_of(t, v, i) > clear_of(t))) continue;
         way_of(t, v, i, way);
-        double still = v->flat ? FLAT : STILL;
+        double still = v->flat ? FLAT : STILL * t->tolerance;
         if (dermis_dot(way, way) <= still * still) continue;
         for (int k = 0; k < 3; k++) t->where[3 * i + k] += way[k];
         look(t, v, i, 1), moved = 1;
@@ -367,6 +387,13 @@ static int comes(const dermis_touch *t, const view *views) {
     return 0;
 }
 
+/* Whether the normal of an active point turns. */
+static int turning(const view *views, const active *near) {
+    for (int64_t j = 0; j < near->count; j++)
+        if (!views[near->points[j]].flat) return 1;
+    return 0;
+}
+
 /* Assess the active points. Where they have converged, and others have come near, choose them anew, and return 1. */
 static int chosen(dermis_touch *t, view *views, active *near, double goal) {
     assess(t, views, near->points, near->count);
@@ -396,7 +423,7 @@ static void solve(dermis_touch *t, view *views) {
         if (loaded(t, i)) move(t, n, t->compliance, t->stride, i, t->force + 3 * i, t->image);
     for (int64_t i = 0; i < n; i++) views[i].image = t->image + 3 * i;
     for (int round = 0; round < 4 && t->sweeps < t->most; round++) {
-        double goal = round < 2 ? 3e-3 : round == 2 ? 1e-3 : t->tolerance, trust = round == 0 ? 0.0 : round < 3 ? TRUST : STILL;
+        double goal = round < 2 ? 3e-3 : round == 2 ? 1e-3 : t->tolerance, trust = round == 0 ? 0.0 : round < 3 ? TRUST : STILL * t->tolerance;
         if (round > 0) look_again(t, views);
         for (int64_t i = 0; i < n; i++) {
             views[i].share = SHARE;
@@ -410,13 +437,13 @@ static void solve(dermis_touch *t, view *views) {
         while (t->sweeps < t->most && t->residual > goal) {
             double change = 0.0, size = 0.0;
             forces_of(t, &near, before);
-            for (int64_t j = 0; j < near.count; j++) visit(t, views, &near, j, trust, in_round > LONG);
-            for (int64_t j = near.count - 1; j >= 0; j--) change += visit(t, views, &near, j, trust, in_round > LONG);
+            for (int64_t j = 0; j < near.count; j++) visit(t, views, &near, j, trust, in_round);
+            for (int64_t j = near.count - 1; j >= 0; j--) change += visit(t, views, &near, j, trust, in_round);
             t->sweeps += 2, in_round += 2;
             forces_of(t, &near, force);
             for (int64_t k = 0; k < 3 * near.count; k++) size += force[k] * force[k];
             if (change > still * still * size) {
-                if (trust == TRUST) continue; /* normals turn: no acceleration */
+                if (trust == TRUST && turning(views, &near)) continue; /* no acceleration */
                 waited = change < nearest ? 0 : waited + 1;
                 nearest = dermis_least(nearest, change);
                 if (waited > PATIENCE) alone = ALONE, waited = 0;

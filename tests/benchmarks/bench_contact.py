@@ -196,7 +196,7 @@ def _run(level: str, path: str, tolerance: float | None = None) -> Run:
     plane = Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3))
     poses = list(_poses(path, float(skin.positions[:, 2].min())))
     with one_blas_thread():
-        solver = PathSolver(skin.compliance, skin.positions, tolerance=tolerance or TOLERANCE)
+        solver = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=tolerance or TOLERANCE)
         rotation, place = poses[PRESS]
         started = time.perf_counter()
         solver.step([ContactBody(plane, rotation, place, MU)])

@@ -65,7 +65,7 @@ def pin_frame() -> Result:
     samples: list[float] = []
     with one_blas_thread():
         for _ in range(3):
-            contact = PathSolver(skin.compliance, skin.positions, areas=skin.areas)
+            contact = PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas)
             solver = _solver("DM2")
             for body in bodies[:-FRAMES]:
                 contact.step([body])
@@ -250,7 +250,7 @@ def _forces(path: str) -> Any:
     from core.contact.solver.path_solver import PathSolver
 
     skin = _skin()
-    contact = PathSolver(skin.compliance, skin.positions, areas=skin.areas)
+    contact = PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas)
     with one_blas_thread():
         steps = [contact.step([_plane(offset)]).solution.force.reshape(-1).copy() for offset in _offsets(path)]
     return np.array(steps[-FRAMES:])

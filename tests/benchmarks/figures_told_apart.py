@@ -94,7 +94,7 @@ def tests() -> dict[str, tuple[list[touches.Touch], list[touches.Touch]]]:
 
 def noise_of_stress(skin: SkinModel, whole: Array) -> float:
     """Return the first observer's standard deviation along any direction of stress, from the published JND."""
-    path = PathSolver(skin.compliance, skin.positions, tolerance=1e-7)
+    path = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-7)
     depths = np.linspace(0.0, 1.5e-3, 60)
     zero = 0 * depths
     still = touches.Touch("press", touches.flat(), np.stack([zero, zero, depths], axis=1), zero, zero)

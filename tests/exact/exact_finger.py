@@ -2,8 +2,8 @@
 
 The unknowns are all nodes of the mesh. Each frame is Newton's method on the balance of the tissue, with the tissue
 beneath the pad eliminated exactly (`Dissection`) and Coulomb's laws at the pad solved in float64 on what is left. The
-gaps, the anchors of friction and the moment at which gaps are measured are those of `PathSolver`: between two answers
-to the same poses stands only the tissue. A frame takes a second.
+gaps and the anchors of friction are those of `PathSolver`; gaps are measured again until they are those of the
+displaced nodes. Between two answers to the same poses stands only the tissue. A frame takes a second.
 """
 
 from __future__ import annotations
@@ -14,12 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.arrays import Array
-from core.contact.solver.bodies import BONE, ContactBody, NodeGaps, node_gaps
-from core.contact.solver.cone import natural_residual
+from core.contact.solver.bodies import BONE, ContactBody, NodeGaps
+from core.contact.solver.cone import along, natural_residual
 from core.contact.solver.history import ContactHistory
+from core.contact.solver.smooth_contact import SmoothContact
 from core.contact.solver.solve import solve
 from core.skin.assembly import degrees
 from core.skin.model import SkinModel
+from tests.grips import nodes_of
 
 from .dissection import Dissection
 from .neo_hookean import NeoHookean
@@ -29,6 +31,8 @@ SLOW = 0.2  # a step that leaves more of the residual asks for a new tangent
 FLATTEST = 0.03  # of its volume is left of no element of a step
 MAX_STEPS = 60
 MAX_PARTS = 16
+# The nodes look again until their gaps are measured this close to where they are [m], at most LOOKS times in a frame.
+SEEN, LOOKS = 1e-9, 20
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,8 @@ class ExactFinger:
         skin: whose mesh, material and pad it has. tolerance: of the balance and of contact, over the forces.
     """
 
-    def __init__(self, skin: SkinModel, tolerance: float = 1e-6) -> None:
+    def __init__(self, skin: SkinModel, tolerance: float = 1e-6, looks: int = LOOKS) -> None:
+        self.looks = looks  # most often that gaps are measured in a frame
         self.skin, self.tolerance, self.modulus = skin, tolerance, skin.material.modulus
         self.law = NeoHookean(skin.mesh, skin.material.poisson)
         self.free = degrees(skin.mesh.free)
@@ -106,6 +111,8 @@ class ExactFinger:
         assert (np.diff(skin.mesh.pad) > 0).all(), "the pad's nodes are in the order of the mesh"
         spacing = np.sqrt(np.prod(np.sort(np.ptp(skin.positions, axis=0))[1:]) / skin.pad_count)
         self.search_radius = max(2.5 * float(spacing), 2.5e-3)
+        self._contact = SmoothContact(self.search_radius, BONE)
+        self._nodes = nodes_of(skin)
         rest = np.zeros_like(skin.mesh.nodes)
         self._first = Tangent(self, rest, None)
         self._linear = self._first.stiffness
@@ -143,15 +150,23 @@ class ExactFinger:
         skin, pad = self.skin, self.skin.mesh.pad
         points = skin.positions
         expected = self.history.expected(bodies, points + self.displacement[pad], self.search_radius)
-        gaps = node_gaps(points, bodies, self.search_radius, BONE, expected)
-        offset = self.history.offset(gaps, points)
-        near = np.flatnonzero(gaps.body >= 0)
-        displacement, force, status, residual, steps = self._balanced(gaps, offset, near)
+        where, slip = expected.places - points, None
+        for _ in range(self.looks):
+            gaps = self._contact.look(self._nodes, bodies, where)
+            if slip is None:
+                slip = self.history.offset(gaps, points)
+            normal = gaps.normal
+            offset = slip + (np.where(gaps.body < 0, 0.0, gaps.gap) - along(slip, normal))[:, None] * normal
+            near = np.flatnonzero(gaps.body >= 0)
+            displacement, force, status, residual, steps = self._balanced(gaps, offset, near)
+            moved, where = np.abs(displacement[pad] - where).max(), displacement[pad]
+            self.displacement, self.force = displacement, force
+            if moved < SEEN:
+                break
         relative = displacement[pad] + offset
         found, none = np.zeros(skin.pad_count, np.int8), np.zeros((skin.pad_count, 3))
         found[near] = status
         self.history.keep(gaps, found, none, relative, points + displacement[pad], none[:, 0])
-        self.displacement, self.force = displacement, force
         return Held(displacement, force, gaps, offset, residual, steps)
 
     def _balanced(

@@ -2,43 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 from ...arrays import Array, Floats32
 from ...errors import DermisError
 from .cone import carrying
-
-
-class Compliance(Protocol):
-    """Skin whose displacement under forces f is C f plus an offset that may depend on the forces."""
-
-    @property
-    def compliance(self) -> Array:
-        """C [m/N], symmetric positive definite, shape (3 m, 3 m)."""
-        ...
-
-    def offset(self, force: Array) -> Array | float:
-        """Return the displacement minus C f [m], shape (m, 3); 0 for linear skin.
-
-        Args:
-            force: the last forces [N], shape (m, 3).
-        """
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Linear:
-    """Linear skin: a `Compliance` without offset."""
-
-    compliance: Array
-
-    def offset(self, force: Array) -> Array | float:
-        """Return zero."""
-        return 0.0
 
 
 def refuse_indefinite(matrix: NDArray[np.float64], name: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,10 @@ from .bodies import BONE, ContactBody, NodeGaps
 from .cone import along
 from .history import ContactHistory
 from .law_skin import LawSkin
+from .point_set import Nodes
+from .smooth_contact import SmoothContact
+
+SEARCH_RADIUS = 3e-3  # largest gap that is measured [m]
 
 
 class Displacement(NamedTuple):
@@ -79,19 +84,27 @@ class HoldingFinger:
 
     Attributes:
         compliance: compliance matrix of the finger's skin [m/N], shape (3 m, 3 m).
-        points: positions of the pad nodes [m], shape (m, 3).
+        nodes: the pad nodes.
         name: name of the finger, for findings.
-        areas: area of skin of each node [m^2], shape (m,); needed for soft objects.
         bone: a point inside the finger [m], shape (3,); open surfaces are touched on the side of this point.
         law: nonlinear law of the skin; None for linear skin.
     """
 
     compliance: Array
-    points: Array
+    nodes: Nodes
     name: str = "finger"
-    areas: Array | None = None
     bone: Array = field(default_factory=lambda: BONE)
     law: LawSkin | None = None
+
+    @property
+    def points(self) -> Array:
+        """Positions of the pad nodes [m], shape (m, 3)."""
+        return self.nodes.positions
+
+    @cached_property
+    def contact(self) -> SmoothContact:
+        """Gaps of the nodes."""
+        return SmoothContact(SEARCH_RADIUS, self.bone)
 
 
 @dataclass(frozen=True, eq=False)

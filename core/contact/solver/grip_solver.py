@@ -21,13 +21,12 @@ from ...errors import DermisError, Finding
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .balance import Balance, balance
-from .bodies import ContactBody, node_gaps
+from .bodies import ContactBody
 from .cone import SLIP, STICK, along
-from .grip import NOWHERE, Displacement, Grip, GripStep, HoldContext, HoldingFinger
+from .grip import NOWHERE, SEARCH_RADIUS, Displacement, Grip, GripStep, HoldContext, HoldingFinger
 from .notes import Notes
 from .solve import status_of
 
-SEARCH_RADIUS = 3e-3  # largest gap that is measured [m]
 # A frame is balanced again after a displacement above this [m], or an error of the torque above this [N m].
 STILL, TORQUE = 2e-5, 1e-6
 # Largest number of balances in a frame, and of those before which gaps are measured again.
@@ -206,7 +205,7 @@ class GripSolver:
         body = self.body(pose, *now)
         bodies = (*context.bodies[: context.own], body, *context.bodies[context.own + 1 :])
         expected = context.history.expected(bodies, self._deformed[index], SEARCH_RADIUS)
-        gaps = node_gaps(finger.points, bodies, SEARCH_RADIUS, finger.bone, expected)
+        gaps = finger.contact.look(finger.nodes, bodies, expected.places - finger.points)
         near = np.flatnonzero(gaps.body >= 0)
         offset = context.history.offset(gaps, finger.points)[near]
         new = np.flatnonzero((gaps.body[near] == context.own) & (context.history.body[near] != context.own))
@@ -214,7 +213,7 @@ class GripSolver:
             points, normal, then = finger.points[near[new]], gaps.normal[near[new]], self.body(pose, *began)
             went = ((points - then.translation) @ then.rotation) @ body.rotation.T + body.translation - points
             offset[new] -= went - along(went, normal)[:, None] * normal
-        soft = gaps.compliance(finger.areas, finger.name)[near]
+        soft = gaps.compliance(finger.nodes.areas, finger.name)[near]
         key = near.tobytes() + soft.tobytes()
         kept, bent = self._inverses.get(index), None
         if kept is None or kept[0] != key:
@@ -321,7 +320,7 @@ class GripSolver:
             status = status_of(whole, grip.gaps.normal, grip.gaps.friction)
             # No node sticks to material that slid along the skin.
             held = np.where((grip.gaps.body == grip.own) & drawn & (status == STICK), SLIP, status).astype(np.int8)
-            soft = grip.gaps.compliance(finger.areas, finger.name)
+            soft = grip.gaps.compliance(finger.nodes.areas, finger.name)
             grip.history.keep(moved, held, whole, w, self._deformed[i], soft)
             forces.append(whole)
             statuses.append(status)

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 from ...arrays import Array, Floats32, Indices
 from ...errors import DermisError, Finding
 from ...kernels.library import kernels
+from .between import matter_moved
 from .bodies import BONE, ContactBody, Expected, NodeGaps, node_gaps, same_places
-from .compliance import Compliance, Linear, displaced, own_compliance, refuse_indefinite
+from .compliance import displaced, own_compliance, refuse_indefinite
 from .cone import assess, carrying
 from .frame_friction import UNMOVED, FrameFriction
 from .history import ContactHistory
@@ -33,7 +34,7 @@ from .solve import MOST_SWEEPS, Solution, status_of
 from .sweeps import sweep
 from .within_frame import STILL
 
-__all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]
+__all__ = ["DEPTH_LIMIT", "TOLERANCE", "PathSolver", "PathStep"]
 
 # Residual at which sweeps stop, see `Solution.residual`. With this residual, other starting forces change the resulting
 # forces by less than 0.01 %.
@@ -61,10 +62,9 @@ class PathSolver:
     """Contact of one finger, frame after frame.
 
     Args:
-        compliance: compliance matrix of the pad nodes [m/N], shape (3 m, 3 m), or a `Compliance` with a state-dependent
-            offset.
+        compliance: compliance matrix of the pad nodes [m/N], shape (3 m, 3 m).
         points: undeformed pad nodes in the finger's frame [m], shape (m, 3).
-        normals: unit normals out of the skin at the nodes, shape (m, 3); None for the directions away from the bone.
+        normals: unit normals out of the skin at the nodes, shape (m, 3).
         areas: skin of each node [m^2], shape (m,); needed where a body is soft.
         tolerance: largest residual accepted, see `Solution.residual`.
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
@@ -85,10 +85,10 @@ class PathSolver:
 
     def __init__(
         self,
-        compliance: Array | Compliance,
+        compliance: Array,
         points: Array,
+        normals: Array,
         *,
-        normals: Array | None = None,
         areas: Array | None = None,
         tolerance: float = TOLERANCE,
         bone: Array = BONE,
@@ -97,21 +97,21 @@ class PathSolver:
         law: LawSkin | None = None,
     ) -> None:
         self._begin(tolerance, bone, name, depth_limit, law)
-        self.operator: Compliance = Linear(compliance) if isinstance(compliance, np.ndarray) else compliance
         self.points = np.asarray(points, dtype=np.float64)
         self.areas = areas
-        c = np.ascontiguousarray(self.operator.compliance, dtype=np.float64)
+        c = self.compliance = np.ascontiguousarray(compliance, dtype=np.float64)
         m = self.points.shape[0]
         if c.shape != (3 * m, 3 * m):
             raise DermisError(
                 "the compliance does not fit the nodes", where=name, value=c.shape, limit=f"({3 * m}, {3 * m})"
             )
-        self._touching: ContactPoints = Nodes.of(self.points, normals, areas, c, self.bone)
-        self._c = self._touching.compliance  # single precision: memory limits the speed of sweeps, and 1e-7 is enough
+        self.nodes = Nodes.of(self.points, normals, areas, c, self.bone)
+        self._c = self.nodes.compliance  # single precision: memory limits the speed of sweeps, and 1e-7 is enough
         self._own = own_compliance(c)
         refuse_indefinite(c, name)
         # skin bulges by no more than an object is pressed in, so nodes beyond this radius are not touched
         self.search_radius = max(2.5 * spacing(self.points), 2.5e-3)
+        self._touching: ContactPoints = self.nodes
         self._contact = SmoothContact(self.search_radius, self.bone)
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
@@ -281,19 +281,27 @@ class PathSolver:
         return self.history.expected(bodies, self.points + self._image, self.search_radius, self._force, way)
 
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
-        """Return the largest change of the gap at some nodes since the last frame [m].
+        """Return the largest normal movement of the bodies' material [m].
 
-        `start`, the bodies of the last frame, is not needed here; contact on points uses it.
+        It is the movement of the triangles at some points, along the normals of the gaps. A difference of gaps would
+        jump at an edge of a surface, so it is used only for bodies whose triangles have changed since the last frame.
         """
-        last = self.gaps
-        assert last is not None
-        return float(np.abs(gaps.gap[nodes] - last.gap[nodes]).max())
+        far, which = 0.0, gaps.body[nodes]
+        for i in sorted(set(which.tolist())):
+            a, b, own = start[i], gaps.bodies[i], nodes[which == i]
+            way = matter_moved(a, b, self.points.take(own, axis=0), gaps.triangle.take(own))
+            if way is None:
+                last = self.gaps
+                assert last is not None
+                far = max(far, float(np.abs(gaps.gap[own] - last.gap[own]).max()))
+            else:
+                far = max(far, float(np.abs(np.einsum("ij,ij->i", way, gaps.normal.take(own, axis=0))).max()))
+        return far
 
     def step_gaps(self, gaps: NodeGaps, *, scene_frame: float | None = None, part: bool = False) -> PathStep:
         """Solve the next frame from gaps that were measured elsewhere."""
         from_rest = self.fresh
         b = self.history.offset(gaps, self.points)
-        b += self.operator.offset(self._force)
         soft = gaps.compliance(self.areas, self.name)
         friction = FrameFriction(gaps, self.history, self.loaded, self._matrix, self._own, soft)
         if not from_rest:

@@ -62,25 +62,26 @@ class Nodes:
     compliance: Floats32
 
     @classmethod
-    def of(cls, points: Array, normals: Array | None, areas: Array | None, compliance: Array, bone: Array) -> Nodes:
+    def of(cls, points: Array, normals: Array, areas: Array | None, compliance: Array, bone: Array) -> Nodes:
         """Return the nodes of a pad.
 
         Args:
             points: undeformed nodes [m], shape (m, 3).
-            normals: unit normals out of the skin, shape (m, 3); None for the directions away from the bone.
+            normals: unit normals out of the skin, shape (m, 3).
             areas: area of skin of each node [m^2], shape (m,); None for that of evenly spaced nodes.
             compliance: compliance of the nodes [m/N], shape (3 m, 3 m).
             bone: a point inside the finger [m], shape (3,).
         """
-        away = points - bone
-        far = np.sqrt(np.einsum("ij,ij->i", away, away))
-        inward = -away / far[:, None] if normals is None else -np.asarray(normals, dtype=np.float64)
+        inward = -np.asarray(normals, dtype=np.float64)
+        far = np.linalg.norm(points - bone, axis=1)
         widths = np.full(len(points), spacing(points)) if areas is None else np.sqrt(areas)
         across = np.eye(3)[np.abs(inward[:, :2]).argmin(axis=1)]
         first = across - np.einsum("ij,ij->i", across, inward)[:, None] * inward
         first /= np.sqrt(np.einsum("ij,ij->i", first, first))[:, None]
         spread = NODE_SPREAD * widths[:, None, None] * np.stack([first, np.cross(inward, first)], axis=1)
-        lift = min(NODE_LIFT * float(np.median(widths)), float(np.median(far)) / RATIO)  # the upper one is in the finger
+        lift = min(
+            NODE_LIFT * float(np.median(widths)), float(np.median(far)) / RATIO
+        )  # the upper one is in the finger
         return cls(
             np.ascontiguousarray(points, dtype=np.float64),
             np.ascontiguousarray(inward),

@@ -19,13 +19,12 @@ from ...arrays import Array, Floats32, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
 from ...surface.plane import Plane
-from .between import matter_moved
 from .bodies import ContactBody, NodeGaps, node_gaps, paired, same_places, travel
-from .compliance import Linear, own_compliance
+from .compliance import own_compliance
 from .history import ContactHistory
 from .law_skin import LawSkin
-from .path_solver import BONE, CHECK, DEPTH_LIMIT, TOLERANCE, PathSolver
-from .path_step import PathStep, SolvedFrame
+from .path_solver import BONE, DEPTH_LIMIT, TOLERANCE, PathSolver
+from .path_step import PathStep
 from .point_gaps import passed_on
 from .point_reach import PointReach
 from .point_set import PointSet
@@ -70,12 +69,11 @@ class PointSolver(PathSolver):
         law: LawSkin | None = None,
     ) -> None:
         self._begin(tolerance, bone, name, depth_limit, law)
-        self.surface, self.nodes = surface, nodes
+        self.surface, self._spread = surface, nodes
         self.search_radius = REACH
         self._tree = PointTree(surface)
         self._points = self._touching = PointSet(surface)
         self._contact = SmoothContact(REACH, self.bone)
-        self.operator = Linear(np.zeros((0, 0)))
         self.history = ContactHistory(0)
         self._asked: tuple[ContactBody, ...] | None = None
         self._calm: NodeGaps | None = None  # the last measured gaps; None if the tree was due for a survey then
@@ -146,32 +144,16 @@ class PointSolver(PathSolver):
         self._asked, self._new = state["asked"], state["new"]
         super().restore(state)
 
-    def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
-        """Return the largest normal movement of the bodies' material [m].
-
-        It is the movement of the triangles at some points, along the normals of the gaps. A difference of gaps would
-        jump at an edge of a surface, so it is used only for bodies whose triangles have changed since the last frame.
-        """
-        far, which = 0.0, gaps.body[nodes]
-        for i in sorted(set(which.tolist())):
-            a, b, own = start[i], gaps.bodies[i], nodes[which == i]
-            way = matter_moved(a, b, self.points.take(own, axis=0), gaps.triangle.take(own))
-            if way is None:
-                far = max(far, super().pressing(start, gaps, own))
-            else:
-                far = max(far, float(np.abs(np.einsum("ij,ij->i", way, gaps.normal.take(own, axis=0))).max()))
-        return far
-
     def nodal(self, force: Array) -> Array:
         """Return forces on the nodes of the skin's mesh [N], shape (m, 3).
 
         If `nodes` is None, the forces on the points are returned.
         """
-        return force if self.nodes is None else self.nodes.spread(self.cells, force)
+        return force if self._spread is None else self._spread.spread(self.cells, force)
 
     def beyond(self) -> Array:
-        assert self.law is not None and self.nodes is not None, "the law is that of a mesh"
-        return self.nodes.gather(self.cells, self.law.beyond)
+        assert self.law is not None and self._spread is not None, "the law is that of a mesh"
+        return self._spread.gather(self.cells, self.law.beyond)
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps, without solving the frame."""

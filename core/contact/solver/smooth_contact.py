@@ -33,9 +33,8 @@ from .cone import along
 from .path_step import SolvedFrame
 from .point_set import LIFT, RATIO, ContactPoints
 from .posed_records import posed_records
-from .solve import Solution
+from .solve import MOST_SWEEPS, Solution
 
-MOST_SWEEPS = 1000  # over all points in one frame
 ROOM = 38  # numbers of a point in the kernel's workspace
 LOOKS = 10  # of a point, each with a hint
 GROWTH = 1.2  # factor by which the workspace grows if it is too small

@@ -69,7 +69,7 @@ def test_a_path_equals_the_path_solver(skin, device, friction, monkeypatch):
     contact_laws.at_frame_ends_alone(monkeypatch)
     path, disc = walk(), disc_of(device)
     ours, _ = forces_along(contact_with(skin, device, friction), device, path)
-    solver = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+    solver = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
     bodies = ([disc.body(placed(device, device.pose(x)), friction)] for x in path)
     theirs = np.array([solver.step(body).solution.force for body in bodies])
     assert np.abs(theirs).max() > 0.05

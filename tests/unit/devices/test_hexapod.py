@@ -76,7 +76,7 @@ def test_a_press_agrees_with_the_path_solver_on_the_same_path(device, pitch, rol
     command = device.commands(poses)
     steps = 40
     found = Press(PressPoints(skin.positions, skin.compliance), device, 0.4, steps=steps).press(command)
-    solver = PathSolver(skin.compliance, skin.positions, areas=skin.areas)
+    solver = PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas)
     disc = Disc(radius=device.disc_radius)
     pose = device.rest_poses(1)
     force = np.zeros_like(skin.positions)

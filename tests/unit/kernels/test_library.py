@@ -164,7 +164,7 @@ def test_skins_refuse_without_it(nobody: None) -> None:
     from core.contact.solver.path_solver import PathSolver
 
     with pytest.raises(DermisError, match="kernels are missing") as told:
-        PathSolver(np.eye(9), np.eye(3))
+        PathSolver(np.eye(9), np.eye(3), np.eye(3))
     assert told.value.code == "no-kernels"
 
 

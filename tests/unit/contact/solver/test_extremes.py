@@ -17,7 +17,7 @@ from tests.unit.contact.solver.test_path_solver import MU, block, laws, plane, p
 
 
 def solver_of(skin, **more):
-    return PathSolver(skin.compliance, skin.positions, areas=skin.areas, **more)
+    return PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas, **more)
 
 
 def box(half):
@@ -65,33 +65,38 @@ def test_two_objects_in_the_same_place_act_as_one(skin):
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_a_finger_on_its_own_copy(skin, order):
-    """Every node lies on the surface, of a cast or a mould: nothing is pressed, and a bit deeper the laws hold."""
+    """Every node lies on the surface, of a cast or a mould: little is pressed, and a bit deeper the laws hold.
+
+    The mean over the places about a node that lie on its tangents differs from the curved surface by some micrometres.
+    """
     mesh = skin.mesh
     surface = Surface.build(mesh.nodes, mesh.surface[:, ::order])
     solver = solver_of(skin)
     first = solver.step([ContactBody(surface, friction=MU)]).solution
-    assert np.isfinite(first.force).all() and np.abs(first.force).max() < 1e-6
+    assert np.isfinite(first.force).all()
     second = solver.step([ContactBody(surface, translation=np.array([0.0, 0.0, 1e-4]), friction=MU)]).solution
     force, gap = along(second.force, second.normals), along(second.displacement, second.normals)
-    assert second.converged and force.min() >= 0.0 and cone_residual(second) <= 1e-9
+    assert second.converged and force.min() >= 0.0 and cone_residual(second) <= second.tolerance
+    assert np.abs(first.force).max() < 0.05 * np.abs(second.force).max()
     # against the way it was moved: where every node sticks, its displacement relative to the copy is rounding
     apart = np.minimum(force / np.abs(second.force).max(), gap / 1e-4)
     assert np.abs(apart).max() <= 2e-3
 
 
 def test_contact_with_one_node(skin):
-    """The lowest node alone on a spike: its force is the gap over its own compliance."""
+    """The lowest node alone on a spike: its force is the mean gap over its own compliance."""
     lowest = int(np.argmin(skin.positions[:, 2]))
-    tip = skin.positions[lowest] + [0.0, 0.0, 1e-6]
+    tip = skin.positions[lowest] + [0.0, 0.0, 0.6e-3]
     spike = np.array([[0.0, 0.0, 0.0], [1, 0, -10], [-0.5, 0.8, -10], [-0.5, -0.8, -10]]) * 1e-3
     surface = Surface.build(spike, np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]))
-    solution = solver_of(skin, tolerance=1e-9).step([ContactBody(surface, translation=tip, friction=0.0)]).solution
+    step = solver_of(skin, tolerance=1e-9).step([ContactBody(surface, translation=tip, friction=0.0)])
+    solution = step.solution
     loaded = np.flatnonzero(solution.force.any(axis=1))
     assert loaded.tolist() == [lowest]
     n = solution.normals[lowest]
     own = skin.compliance[3 * lowest : 3 * lowest + 3, 3 * lowest : 3 * lowest + 3]
-    gap = surface.query(skin.positions[[lowest]] - tip).gap[0]
-    assert solution.normal_force[lowest] == pytest.approx(-gap / (n @ own @ n), rel=1e-6)
+    assert step.gaps is not None and step.gaps.gap[lowest] < -0.02e-3
+    assert solution.normal_force[lowest] == pytest.approx(-step.gaps.gap[lowest] / (n @ own @ n), rel=1e-4)
 
 
 @pytest.mark.parametrize("thickness", [0.0, 1e-12, 1e-6])

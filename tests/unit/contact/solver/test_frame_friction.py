@@ -9,14 +9,14 @@ from core.contact.solver.frame_friction import UNMOVED, FrameFriction
 from core.contact.solver.history import ContactHistory
 from core.contact.solver.path_solver import PathSolver
 
-from .test_halfspace import frame
+from .test_halfspace import flat, frame
 
 NODES = np.array([[0.0, 0.0], [1e-3, 0.0], [0.0, 1e-3]])
 COMPLIANCE, STICKY = 1e-3, 2.0  # [m/N], a friction that holds all
 
 
 def solver() -> PathSolver:
-    return PathSolver(COMPLIANCE * np.eye(9), np.column_stack([NODES, np.zeros(3)]), tolerance=1e-9)
+    return PathSolver(COMPLIANCE * np.eye(9), *flat(NODES), tolerance=1e-9)
 
 
 def taken(path: PathSolver, gaps: list[float], shift: float, mu: float) -> np.ndarray:

@@ -8,7 +8,7 @@ import pytest
 from core.contact.solver.path_solver import PathSolver
 from tests.problems import half_space_compliance, square_grid
 
-from .test_halfspace import POISSON, RADIUS, YOUNG, frame, sphere_gap
+from .test_halfspace import POISSON, RADIUS, YOUNG, flat, frame, sphere_gap
 
 # Held to: of the largest force across the normal, as a mean square over the path at 64 frames; and how that falls from
 # 16 to 64 frames, as a power of the step. The first order is 1. Both were set before an outcome was looked at; after it
@@ -41,7 +41,7 @@ def half_space():
 def follow(half_space, way, frames, mu=0.5):
     """Return the resultant force of each frame of a way [N], shape (frames + 1, 3)."""
     nodes, compliance = half_space
-    solver = PathSolver(compliance, np.column_stack([nodes, np.zeros(len(nodes))]), tolerance=1e-7)
+    solver = PathSolver(compliance, *flat(nodes), tolerance=1e-7)
     found = []
     for t in np.linspace(0.0, 1.0, frames + 1):
         depth, shift = way(t)

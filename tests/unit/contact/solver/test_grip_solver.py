@@ -12,7 +12,7 @@ from core.contact.solver.grip import HoldingFinger
 from core.errors import DermisError
 from core.surface.gap import Surface
 from tests.contact_laws import balance_residual
-from tests.grips import LoneGrip
+from tests.grips import LoneGrip, nodes_of
 
 HALF = np.array([0.01, 0.015, 0.01])
 TRIANGLES = np.array([
@@ -27,7 +27,7 @@ GRAVITY = np.array([0.0, -9.81, 0.0])
 def setup(skin, mass, *, squeeze=1e-3, friction=MU, gravity=GRAVITY):
     """Pads facing each other along z, `squeeze` deep on either side of a block at the origin."""
     block = Surface.build(np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * HALF, TRIANGLES)
-    fingers = [HoldingFinger(skin.compliance, skin.positions)] * 2
+    fingers = [HoldingFinger(skin.compliance, nodes_of(skin))] * 2
     height = HALF[2] - skin.positions[:, 2].min() - squeeze
     above, below = np.eye(4), np.diag([-1.0, 1.0, -1.0, 1.0])
     above[2, 3], below[2, 3] = height, -height
@@ -121,7 +121,7 @@ def test_nothing_touching_is_dropped(skin):
 
 
 def test_what_cannot_be_held_is_refused(skin):
-    finger = HoldingFinger(skin.compliance, skin.positions)
+    finger = HoldingFinger(skin.compliance, nodes_of(skin))
     block = setup(skin, 0.05)[0].solver.surface
     for mass, fingers in ((-0.1, [finger]), (np.nan, [finger]), (0.1, [])):
         with pytest.raises(DermisError, match="held object|hold the object"):

@@ -52,7 +52,9 @@ def test_a_finger_pressed_by_it_feels_what_the_whole_surface_gives(skin, monkeyp
     lowest = skin.positions[:, 2].min()
 
     def pressed():
-        steps = SubStepper(PathSolver(skin.compliance, skin.positions, areas=skin.areas, name="finger"), 0.006)
+        steps = SubStepper(
+            PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas, name="finger"), 0.006
+        )
         for k in range(5):
             surface = Surface.build(start.vertices + (k / 4) * (end.vertices - start.vertices), start.triangles)
             place = np.array([1e-4 * k, 0.0, lowest + 4e-4 * k])

@@ -26,7 +26,7 @@ FLAT = Plane(UP, np.zeros(3))
 
 @pytest.fixture
 def solver(skin):
-    return PathSolver(skin.compliance, skin.positions, areas=skin.areas)
+    return PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas)
 
 
 def turn(axis, angle):
@@ -51,14 +51,14 @@ def press_and_slide(count, depth=1e-3, slide=1.5e-3):
 def laws(solution, limit=2e-3):
     assert solution.converged
     assert solution.normal_force.min() >= 0.0
-    assert cone_residual(solution) <= 1e-9
+    assert cone_residual(solution) <= solution.tolerance
     assert complementarity_residual(solution) <= limit
 
 
 def test_path_equals_a_tight_solve_of_every_frame(skin):
     """The same history through an independent route: every frame solved to 1e-10 from the anchors."""
-    fast = PathSolver(skin.compliance, skin.positions)
-    tight = PathSolver(skin.compliance, skin.positions, tolerance=1e-10)
+    fast = PathSolver(skin.compliance, skin.positions, skin.normals)
+    tight = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-10)
     error = size = 0.0
     for depth, shift in press_and_slide(20):
         a = fast.step([plane(skin, depth, (0.3 * shift, shift))]).solution
@@ -71,7 +71,7 @@ def test_path_equals_a_tight_solve_of_every_frame(skin):
 
 def test_each_frame_is_the_contact_problem(skin):
     """One frame from rest is `solve` on the whole compliance, with the plane's gaps as the offset."""
-    step = PathSolver(skin.compliance, skin.positions, tolerance=1e-11).step([plane(skin, 1.2e-3)])
+    step = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-11).step([plane(skin, 1.2e-3)])
     offset = np.zeros_like(skin.positions)
     offset[:, 2] = skin.positions[:, 2] - skin.positions[:, 2].min() - 1.2e-3
     exact = solve(skin.compliance, offset, MU, normals=np.tile(UP, (len(offset), 1)))
@@ -81,7 +81,7 @@ def test_each_frame_is_the_contact_problem(skin):
 
 def test_energy_balance(skin):
     """Work of the moving plane = elastic energy + friction's heat, and heat is never negative."""
-    solver = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+    solver = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
     work = heat = 0.0
     last_force, last_place = None, None
     for depth, shift in press_and_slide(150):
@@ -115,8 +115,14 @@ def test_no_creep_in_ten_thousand_frames(skin, solver):
 def test_rotating_the_world_rotates_the_forces(skin):
     q = turn([1, 2, 3], 1.1)
     big = np.kron(np.eye(skin.pad_count), q)
-    a = PathSolver(skin.compliance, skin.positions, tolerance=1e-9)
-    b = PathSolver(big @ skin.compliance @ big.T, skin.positions @ q.T, tolerance=1e-9, bone=q @ path_module.BONE)
+    a = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-9)
+    b = PathSolver(
+        big @ skin.compliance @ big.T,
+        skin.positions @ q.T,
+        skin.normals @ q.T,
+        tolerance=1e-9,
+        bone=q @ path_module.BONE,
+    )
     for depth, shift in press_and_slide(6):
         body = plane(skin, depth, (0.0, shift))
         one = a.step([body]).solution.force
@@ -127,8 +133,8 @@ def test_rotating_the_world_rotates_the_forces(skin):
 def test_mirroring_the_scene_mirrors_the_forces(skin):
     flip = np.array([-1.0, 1, 1])
     wide = np.tile(flip, skin.pad_count)
-    a = PathSolver(skin.compliance, skin.positions, tolerance=1e-9)
-    b = PathSolver(skin.compliance * np.outer(wide, wide), skin.positions * flip, tolerance=1e-9)
+    a = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-9)
+    b = PathSolver(skin.compliance * np.outer(wide, wide), skin.positions * flip, skin.normals * flip, tolerance=1e-9)
     for depth, shift in press_and_slide(6):
         one = a.step([plane(skin, depth, (shift, 0.5 * shift))]).solution.force
         two = b.step([plane(skin, depth, (-shift, 0.5 * shift))]).solution.force
@@ -137,7 +143,7 @@ def test_mirroring_the_scene_mirrors_the_forces(skin):
 
 def test_halving_the_time_step_converges(skin):
     def run(count):
-        s = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+        s = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
         return [s.step([plane(skin, d, (0.0, x))]).solution.force for d, x in press_and_slide(count)][-1]
 
     exact = run(160)
@@ -181,8 +187,8 @@ def test_extreme_speeds(skin, solver, speed):
 
 @pytest.mark.parametrize("factor", [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3])
 def test_stiffness_over_six_decades(skin, factor):
-    a = PathSolver(skin.compliance, skin.positions, tolerance=1e-7)
-    b = PathSolver(skin.compliance / factor, skin.positions, tolerance=1e-7)
+    a = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-7)
+    b = PathSolver(skin.compliance / factor, skin.positions, skin.normals, tolerance=1e-7)
     for depth, shift in press_and_slide(4):
         body = [plane(skin, depth, (0.0, shift))]
         one, two = a.step(body).solution.force, b.step(body).solution.force
@@ -209,7 +215,7 @@ def test_a_reset_forgets_the_path(skin, solver):
         solver.step([plane(skin, depth, (0.0, shift))])
     solver.reset()
     again = solver.step([plane(skin, 1e-3)])
-    fresh = PathSolver(skin.compliance, skin.positions).step([plane(skin, 1e-3)])
+    fresh = PathSolver(skin.compliance, skin.positions, skin.normals).step([plane(skin, 1e-3)])
     assert again.from_rest
     scale = np.abs(fresh.solution.force).max()
     np.testing.assert_allclose(again.solution.force, fresh.solution.force, atol=1e-4 * scale)
@@ -238,13 +244,13 @@ def test_a_mesh_is_touched_as_the_plane_that_it_is(skin):
     vertices, triangles = block()
     surface = Surface.build(vertices, triangles)
     assert surface.closed and surface.volume == pytest.approx(0.04 * 0.04 * 0.01)
-    a = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
-    b = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+    a = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
+    b = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
     for depth, shift in press_and_slide(5):
         flat = plane(skin, depth, (0.0, shift))
         one = a.step([flat]).solution.force
         two = b.step([ContactBody(surface, translation=flat.translation, friction=MU)]).solution.force
-        np.testing.assert_allclose(two, one, atol=1e-5 * max(np.abs(one).max(), 1e-12))
+        np.testing.assert_allclose(two, one, atol=1e-5 * max(np.abs(one).max(), 1e-9))
 
 
 @pytest.mark.parametrize("cut", ["alike", "otherwise"])
@@ -262,8 +268,8 @@ def test_a_deforming_mesh_that_moves_rigidly_is_a_rigid_one(skin, cut):
     assert cut_otherwise(triangles, others)
     past = []
     rigid_surface = Surface.build(vertices, triangles)
-    a = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
-    b = PathSolver(skin.compliance, skin.positions, tolerance=1e-8)
+    a = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
+    b = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
     lowest = skin.positions[:, 2].min()
     for i in range(12):
         rotation = turn([0.1, 0.2, 1.0], 0.03 * i)
@@ -301,7 +307,7 @@ def test_where_the_faces_are_others_from_a_frame_on_friction_stays_where_it_was(
     """A flat top moves as one piece, so what faces it is made of cannot be felt."""
     rigid = Surface.build(*block(0.01, 8))
     first, then = block(0.01, 8), OTHERS[other]()
-    a, b = (PathSolver(skin.compliance, skin.positions, tolerance=1e-8) for _ in range(2))
+    a, b = (PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8) for _ in range(2))
     lowest = skin.positions[:, 2].min()
     for i in range(12):
         rotation, place = turn(UP, 0.01 * i), np.array([1e-5 * i, 2e-5 * i, lowest + 1e-3])
@@ -317,7 +323,7 @@ def test_where_the_faces_are_others_from_a_frame_on_friction_stays_where_it_was(
 def test_what_begins_or_ends_to_deform_keeps_its_friction(skin, late):
     """A body comes with the chunks in which a script edits it, and in no other."""
     surface = Surface.build(*block(0.01, 8))
-    a, b = (PathSolver(skin.compliance, skin.positions, tolerance=1e-8) for _ in range(2))
+    a, b = (PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8) for _ in range(2))
     lowest = skin.positions[:, 2].min()
     for i in range(12):
         rotation, place = turn(UP, 0.01 * i), np.array([1e-5 * i, 2e-5 * i, lowest + 1e-3])
@@ -336,7 +342,7 @@ def test_where_its_scale_changes_friction_goes_on_too(skin, kind, cells):
     """Anchors stretch with a body whether it deforms or not, and whatever faces it gets."""
     first, then = Mesh(*block(0.01, 8)), Mesh(*block(0.01, cells if all(SCALED[kind]) else 8))
     posed = [PosedBody(Body("Block", first, {})) for _ in range(2)]
-    solvers = [PathSolver(skin.compliance, skin.positions, tolerance=1e-8) for _ in range(2)]
+    solvers = [PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8) for _ in range(2)]
     lowest, none = skin.positions[:, 2].min(), np.zeros((0, 1, 4, 4))
     for i in range(12):
         pose = np.diag([1.0 + 0.01 * i, 1.0 + 0.01 * i, 1.0, 1.0])
@@ -386,7 +392,7 @@ def test_two_bodies_keep_their_own_friction(skin, solver):
 def test_a_soft_object_yields(skin):
     """Softness is a compliance by area on the diagonal: the very soft one carries depth * area / softness."""
     soft = 1.0  # [m/Pa]: softer than any skin
-    s = PathSolver(skin.compliance, skin.positions, areas=skin.areas, tolerance=1e-9)
+    s = PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas, tolerance=1e-9)
     force = s.step([plane(skin, 1e-3, softness=soft)]).solution.force
     sunk = np.maximum(1e-3 - (skin.positions[:, 2] - skin.positions[:, 2].min()), 0.0)
     np.testing.assert_allclose(force[:, 2], sunk * skin.areas / soft, rtol=1e-4, atol=1e-16)
@@ -397,7 +403,7 @@ def test_a_sheet_without_thickness_is_touched_from_either_side(skin):
     up, down = np.array([[0, 1, 2], [0, 2, 3]]), np.array([[0, 2, 1], [0, 3, 2]])
     place = plane(skin, 1e-3).translation
     forces = [
-        PathSolver(skin.compliance, skin.positions)
+        PathSolver(skin.compliance, skin.positions, skin.normals)
         .step([ContactBody(Surface.build(vertices, t), translation=place, friction=MU)])
         .solution.force
         for t in (up, down)
@@ -414,7 +420,7 @@ def test_an_object_that_appears_inside_is_finite_and_reported(skin, solver):
     assert [f.code for f in solver.findings][:1] == ["too-deep"]
     assert solver.findings[0].frame == 0
     # a finger inside its own copy: every node on the surface, nothing pressed
-    coincident = PathSolver(skin.compliance, skin.positions).step([plane(skin, 0.0)]).solution
+    coincident = PathSolver(skin.compliance, skin.positions, skin.normals).step([plane(skin, 0.0)]).solution
     assert np.isfinite(coincident.force).all() and np.abs(coincident.force).max() < 1e-9
 
 
@@ -441,24 +447,10 @@ def test_jumps_between_frames_stay_bounded(skin, solver):
 def test_a_frame_that_nothing_solves_is_a_finding(skin, monkeypatch):
     monkeypatch.setattr(path_module, "MOST_SWEEPS", 1)
     monkeypatch.setattr(path_module, "CHECK", 0.0)
-    solver = PathSolver(skin.compliance, skin.positions, tolerance=1e-5)
+    solver = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-5)
     solver.step([plane(skin, 1e-3)], scene_frame=17)
     assert not solver._step.solution.converged
     assert [(f.code, f.frame) for f in solver.findings] == [("not-converged", 17)]
-
-
-def test_state_dependent_offset_is_honoured(skin):
-    """A skin that adds a displacement of its own: the same as a plane that much deeper."""
-
-    class Swollen:
-        compliance = skin.compliance
-
-        def offset(self, force):
-            return np.array([0.0, 0.0, -2e-4])
-
-    a = PathSolver(Swollen(), skin.positions, tolerance=1e-9).step([plane(skin, 1e-3)]).solution
-    b = PathSolver(skin.compliance, skin.positions, tolerance=1e-9).step([plane(skin, 1.2e-3)]).solution
-    np.testing.assert_allclose(a.force, b.force, atol=1e-7)
 
 
 def test_anchors_that_are_told_once_a_frame_are_told_as_when_asked_twice(skin, monkeypatch):
@@ -468,7 +460,7 @@ def test_anchors_that_are_told_once_a_frame_are_told_as_when_asked_twice(skin, m
     monkeypatch.setattr(ContactHistory, "expected", lambda *args: told.append(1) or real(*args))
 
     def forces(forget):
-        path, found = PathSolver(skin.compliance, skin.positions), []
+        path, found = PathSolver(skin.compliance, skin.positions, skin.normals), []
         for depth, shift in press_and_slide(6):
             bodies = [plane(skin, depth, (0.3 * shift, shift))]
             gaps = path.look(bodies)

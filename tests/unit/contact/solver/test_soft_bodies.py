@@ -24,7 +24,7 @@ def skin():
 
 def solver_of(skin, on: str) -> PathSolver:
     if on == "nodes":
-        return PathSolver(skin.compliance, skin.positions, areas=skin.areas)
+        return PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas)
     pad = smooth_pad(skin)
     return PointSolver(pad, NodalForces(skin.mesh, pad.chart))
 

@@ -8,7 +8,7 @@ from core.contact.solver.grip import HoldingFinger
 from core.contact.solver.law_skin import LawSkin
 from core.skin.model import SkinModel, fingertip_skin
 from tests.contact_laws import balance_residual
-from tests.grips import LoneGrip
+from tests.grips import LoneGrip, nodes_of
 from tests.unit.contact.solver.test_grip_solver import GRAVITY, HALF, MU, setup
 
 SQUEEZE = 1e-3
@@ -22,7 +22,7 @@ def skin() -> SkinModel:
 def held(mass: float, gravity: np.ndarray = GRAVITY) -> tuple[LoneGrip, list[np.ndarray]]:
     """Return the block of the linear skin's tests between fingers of skin that stiffens."""
     linear, poses = setup(skin(), mass, squeeze=SQUEEZE, gravity=gravity)
-    fingers = [HoldingFinger(skin().compliance, skin().positions, law=LawSkin.of(skin(), 1e-4)) for _ in poses]
+    fingers = [HoldingFinger(skin().compliance, nodes_of(skin()), law=LawSkin.of(skin(), 1e-4)) for _ in poses]
     return LoneGrip(linear.solver.surface, mass, fingers, MU, gravity), poses
 
 

@@ -171,17 +171,6 @@ class Arrays(Case):
             yield self._call(own.dermis_body_judge, body)
             self.by_rays = bool(body.by_rays)
         yield self._call(own.dermis_distances, query)
-        # the gaps of nodes at the points, to the body turned upside down about X
-        n = len(self.points)
-        self.told, self.which = np.full((7, n), np.nan), np.full((3, n), -7)
-        numbers = {"count": n, "radius": max(0.0, self.limit), "side": -1.0 if self.by_rays else 1.0}
-        pose = np.concatenate([np.diag([1.0, -1.0, -1.0]).ravel(), np.zeros(records.POSE - 9)])
-        box = np.array([self.vertices.min(axis=0), self.vertices.max(axis=0)])
-        places = np.ascontiguousarray(self.points * [1.0, -1.0, -1.0])
-        arrays = {"pose": pose, "box": box, "points": places, "places": places, "came": np.arange(n) % 2}
-        arrays["before"] = np.tile([0.0, 0.0, 1.0], (n, 1))
-        gaps = filled(records.GapsRecord, self, body=body, **numbers, **arrays)
-        yield self._call(own.dermis_node_gaps, gaps)
 
     def measure(self, own: Any, packed: bool) -> int:
         """Return the status of distances alone, by a tree that was made before, or without."""
@@ -242,18 +231,16 @@ class Contact(Case):
     friction: Array
     softness: Array
     force: Array
-    nodes: Indices
     tolerance: float = 1e-9
     most: int = 60
-    results = "residual", "sweeps", "missed", "wrong"
+    results = "residual", "sweeps", "wrong"
 
     def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         n = len(self.force)
-        given, step = self.nodes.size, self.compliance.itemsize
-        few = given < n
+        step = self.compliance.itemsize
         self.image, self.moved = np.full((2, n, 3), np.nan)
-        numbers = {"count": n, "given": given, "single": step == 4, "stride": self.compliance.strides[0] // step}
-        room = np.full((9 * records.KEPT + 12 + few * (14 + (9 * given * step + 7) // 8)) * given + few, np.nan)
+        numbers = {"count": n, "single": step == 4, "stride": self.compliance.strides[0] // step}
+        room = np.full((9 * records.KEPT + 12) * n, np.nan)
         status = np.full(n, -7, dtype=np.int8)
         record = filled(records.ContactRecord, self, **numbers, room=room, status=status)
         yield self._call(own.dermis_sweep, record, **changed)
@@ -274,9 +261,8 @@ def drawn_contact(seed: int) -> Contact:
     friction = rng.choice([0.0, 0.3, 1.0, 5.0], n)
     softness = np.where(rng.random(n) < 0.3, scale * rng.random(n), 0.0)
     start = rng.normal(size=(n, 3)) * (seed % 2)
-    nodes = np.flatnonzero(rng.random(n) < 0.7) if seed % 4 else np.arange(n)
     compliance = room.astype(np.float32) if seed % 3 else room
-    return Contact(compliance, offset, normals, friction, softness, start, nodes)
+    return Contact(compliance, offset, normals, friction, softness, start)
 
 
 @dataclass(eq=False)
@@ -756,7 +742,7 @@ def drawn_friction(seed: int) -> Friction:
     arrays: dict[str, Array] = {"poses": poses, "owner": owner, "below": below, "facing": facing, "force": force}
     for name in ("material", "normal", "slip", "swept", "points", "image", "moved", "offset"):
         arrays[name] = scale * rng.normal(size=(n, 3))
-    for name in ("anchors", "normals", "places", "origins", "sweeping", "shift", "positions", "crossing"):
+    for name in ("anchors", "normals", "places", "sweeping", "shift", "positions", "crossing"):
         arrays[name] = scale * rng.normal(size=(n, 3))
     for name in ("gap", "gaps", "own", "soft", "friction"):
         arrays[name] = scale * rng.random(n) - (name == "gaps") * scale / 2

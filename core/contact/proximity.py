@@ -22,7 +22,7 @@ import numpy as np
 from ..arrays import Array, Indices
 from ..motion import singular
 from ..scene.tactile_scene import Mesh
-from .solver.bodies import ContactBody, node_gaps
+from .solver.bodies import ContactBody, least_gaps
 
 # Least number of groups of points. The gap of a group's centre, less the radius of the group, is a lower bound of the
 # gaps of its points. This bound is enough for bodies that are far away.
@@ -187,7 +187,7 @@ class Proximity:
         return gaps
 
     def _ask(self, points: Array, body: ContactBody, search_radius: float) -> Array:
-        return node_gaps(points, [body], search_radius, self._bone).gap
+        return least_gaps(points, [body], search_radius, self._bone)
 
     def _travel(self, bodies: list[int]) -> dict[int, Array]:
         """Return upper bounds of each body's movement since its measurement.

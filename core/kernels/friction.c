@@ -120,10 +120,7 @@ DERMIS_NOINLINE static int32_t expect(dermis_friction *of) {
         double moved[3];
         for (int k = 0; k < 3; k++) moved[k] = anchor[k] - of->image[3 * i + k];
         int carried = of->sticking[i] && dermis_dot(moved, moved) <= of->radius * of->radius;
-        for (int k = 0; k < 3; k++) {
-            of->places[3 * i + k] = carried ? anchor[k] : of->image[3 * i + k] + ahead[k];
-            of->origins[3 * i + k] = anchor[k] + of->gap[i] * of->normals[3 * i + k];
-        }
+        for (int k = 0; k < 3; k++) of->places[3 * i + k] = carried ? anchor[k] : of->image[3 * i + k] + ahead[k];
     }
     return DERMIS_DONE;
 }

@@ -140,15 +140,11 @@ typedef struct {
     double *image;           /* out: C f (count, 3) [m] */
     double *moved;           /* out: relative displacements w (count, 3) [m] */
     int8_t *status;          /* out: 0 open, DERMIS_STICK or DERMIS_SLIP (count) */
-    int64_t given;           /* number of nodes that are swept; they must include all nodes with a force at the start */
-    const int64_t *nodes;    /* indices of these nodes, in ascending order (given) */
-    double *room;            /* workspace: 9 DERMIS_KEPT + 12 doubles per given node; if not all nodes are given, also
-                                14 doubles per given node and the part of C between given nodes */
+    double *room;            /* workspace (9 DERMIS_KEPT + 12, count) */
     double residual;         /* out: |f - p| / max(|f|, |p|); infinite if there is no finite result. p is f - w / own,
                                 without tension and with the tangential force shortened to the friction limit. own is
                                 the mean of a node's three diagonal compliances, softness included */
     int64_t sweeps;          /* out: number of sweeps done */
-    int64_t missed;          /* out: 1 if a node that is not given penetrates */
     int64_t wrong;           /* out: index of the node that was refused */
 } dermis_contact;
 
@@ -329,31 +325,6 @@ typedef struct {
     double shear[2];           /* out: force in X and Y divided by the normal force */
 } dermis_drawn;
 
-/* A body that a skin may touch, and the gaps of the skin's nodes to it; see `gaps.c`.
-
-   For a node beyond the radius, both gaps are infinite, body and triangle -1, and all other results are 0. */
-typedef struct {
-    const dermis_body *body;
-    const double *pose;      /* of the body, see `dermis_friction` (12 or more) */
-    const double *box;       /* lower and upper corner of the body, in its own frame (2, 3) [m] */
-    int64_t count, index;    /* nodes; index of the body */
-    double radius;           /* largest gap that is measured [m] */
-    double side;             /* factor on gap and normal: 1, or -1 if the finger is behind the faces of an open sheet */
-    double friction, softness; /* of the body */
-    const double *points;    /* undeformed nodes (count, 3) [m] */
-    const double *places;    /* expected places of the nodes (count, 3) [m] */
-    const int64_t *came;     /* body above which each node was, -1 for none (count); null: not known */
-    const double *before;    /* normals of the surfaces above which they were (count, 3) */
-    double *told;            /* out: gaps at the expected places, the same for the undeformed nodes along the normals, friction
-                                and softness (4, count), then the normals (count, 3) */
-    int64_t *which;          /* out: body and triangle (2, count), then the nodes that may have passed to the other side of
-                                the body (turned) */
-    int64_t met;             /* out: 0 if the boxes of nodes and body are farther apart than the radius; then there is no
-                                other result */
-    int64_t turned;          /* out: see `which` */
-    int64_t wrong;           /* out: index of the node that is not finite, or -1 - index of the triangle that was refused */
-} dermis_gaps;
-
 /* Numbers of a pose: rotation (3, 3); translation (3) [m]; linear map from the body's first scale and shear to the
    present ones (3, 3), and its inverse (3, 3); 1 for a body that is out of reach, else 0; 1 for a body whose anchors are
    on triangles that may change, so that the caller sets them, else 0. */
@@ -378,8 +349,7 @@ typedef struct {
     double radius;           /* sticking nodes do not move with a body that moves farther than this [m] */
     const double *force;     /* forces on the nodes (count, 3) [N]; null for `dermis_expect` if the skin does not drift */
     double drift[3], passed[3]; /* movement of the loaded skin, and of what is below it if the skin had not moved [m] */
-    double *places, *origins; /* out of `dermis_expect`: expected places, and places if all had moved with their bodies
-                                 (count, 3) [m] */
+    double *places;          /* out of `dermis_expect`: expected places (count, 3) [m] */
     const int64_t *below, *faces; /* closest body, -1 for none, and its triangle (count) */
     const double *facing;    /* normals of the gaps (count, 3) */
     const double *gaps;      /* gaps of the undeformed nodes (count) [m] */
@@ -669,9 +639,6 @@ DERMIS_API int32_t dermis_press_pieces(dermis_pieces *pieces);
 
 /* Compute the drawing of a touched skin. */
 DERMIS_API int32_t dermis_draw_skin(dermis_drawn *drawn);
-
-/* Measure the gaps of nodes to a body that `dermis_body_fit` has checked. */
-DERMIS_API int32_t dermis_node_gaps(dermis_gaps *gaps);
 
 /* Compute the anchors in a frame, and the places where the nodes are expected. */
 DERMIS_API int32_t dermis_expect(dermis_friction *friction);

@@ -55,7 +55,7 @@ class Kernels:
                 function.errcheck = self._checked
             self.split, self.fit = library.dermis_tree_split, library.dermis_tree_fit
             self.fit_body, self.judge = library.dermis_body_fit, library.dermis_body_judge
-            self.distances, self.gaps = library.dermis_distances, library.dermis_node_gaps
+            self.distances = library.dermis_distances
             self.sweep, self.sum = library.dermis_sweep, library.dermis_sum
             self.touch = library.dermis_touch_points
             self.find_cells = library.dermis_find_cells

@@ -137,11 +137,6 @@ class DrawnRecord(ctypes.Structure):
 
 
 @_declared
-class GapsRecord(ctypes.Structure):
-    """`dermis_gaps`."""
-
-
-@_declared
 class FrictionRecord(ctypes.Structure):
     """`dermis_friction`."""
 

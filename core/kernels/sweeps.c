@@ -135,12 +135,10 @@ static int known(dermis_contact *contact) {
     return 1;
 }
 
-/* Sweep all nodes of a contact until the residual is within the tolerance.
-
-   work: workspace (3 DERMIS_KEPT + 4, count, 3). */
-static void sweep_all(dermis_contact *contact, const rows_of *c, double *work) {
+/* Sweep all nodes of a contact until the residual is within the tolerance. */
+static void sweep_all(dermis_contact *contact, const rows_of *c) {
     int64_t count = contact->count;
-    double still = contact->tolerance, *before = work + 3 * (DERMIS_KEPT + 1) * 3 * count;
+    double *work = contact->room, still = contact->tolerance, *before = work + 3 * (DERMIS_KEPT + 1) * 3 * count;
     past last = {3 * count, 0, work, 0.0};
     double nearest = __builtin_inf();
     int waited = 0, alone = 0;
@@ -176,55 +174,10 @@ static void sweep_all(dermis_contact *contact, const rows_of *c, double *work) {
     }
 }
 
-/* Copy the values of the given nodes, `width` numbers each, to the workspace; return the next free place in it. */
-static double *gathered(const dermis_contact *contact, const double *values, int64_t width, double *room) {
-    for (int64_t i = 0; i < contact->given; i++)
-        for (int64_t k = 0; k < width; k++) room[width * i + k] = values[width * contact->nodes[i] + k];
-    return room + width * contact->given;
-}
-
-/* Copy the compliance between the given nodes to the workspace; return the next free place in it. */
-static double *gathered_rows(const dermis_contact *contact, const rows_of *c, rows_of *out) {
-    int64_t side = 3 * contact->given;
-    float *narrow = (float *)contact->room;
-    double *wide = contact->room;
-    for (int64_t i = 0; i < side; i++) {
-        int64_t row = (3 * contact->nodes[i / 3] + i % 3) * c->stride;
-        if (c->narrow != NULL)
-            narrow = gather_row(c->narrow + row, contact->nodes, contact->given, narrow);
-        else
-            for (int64_t j = 0; j < contact->given; j++, wide += 3) __builtin_memcpy(wide, c->wide + row + 3 * contact->nodes[j], 3 * sizeof(double));
-    }
-    out->narrow = c->narrow != NULL ? (float *)contact->room : NULL, out->wide = c->narrow != NULL ? NULL : contact->room, out->stride = side, out->avx2 = c->avx2;
-    return contact->room + (c->narrow != NULL ? (side * side + 1) / 2 : side * side);
-}
-
-/* Sweep the given nodes only. The residual is that of all nodes, so it shows if another node needs a force. */
-static void sweep_given(dermis_contact *contact, const rows_of *c) {
-    rows_of own;
-    dermis_contact part = *contact;
-    double *room = gathered_rows(contact, c, &own);
-    part.count = contact->given;
-    part.offset = room, room = gathered(contact, contact->offset, 3, room);
-    part.normals = room, room = gathered(contact, contact->normals, 3, room);
-    part.friction = room, room = gathered(contact, contact->friction, 1, room);
-    part.softness = room, room = gathered(contact, contact->softness, 1, room);
-    part.force = room, room = gathered(contact, contact->force, 3, room);
-    part.image = room, room += 3 * contact->given;
-    sweep_all(&part, &own, room);
-    for (int64_t k = 0; k < 3 * contact->count; k++) contact->force[k] = 0.0;
-    for (int64_t i = 0; i < contact->given; i++)
-        for (int k = 0; k < 3; k++) contact->force[3 * contact->nodes[i] + k] = part.force[3 * i + k];
-    move_anew(contact, c);
-    contact->sweeps = part.sweeps;
-    contact->residual = dermis_finite(part.residual) ? residual_of(contact, c) : part.residual;
-}
-
 /* Compute the relative displacements, and the status of each node; a node whose force is on the surface of its cone
    slips. */
 static void assess(dermis_contact *contact) {
-    contact->missed = 0;
-    for (int64_t i = 0, next = 0; i < contact->count; i++) {
+    for (int64_t i = 0; i < contact->count; i++) {
         const double *force = contact->force + 3 * i, *normal = contact->normals + 3 * i;
         double *w = contact->moved + 3 * i, press = dermis_dot(force, normal), side[3];
         for (int k = 0; k < 3; k++) {
@@ -233,29 +186,20 @@ static void assess(dermis_contact *contact) {
         }
         int on_cone = dermis_root(dermis_dot(side, side)) >= contact->friction[i] * press * ON_CONE;
         contact->status[i] = (int8_t)(press > 0.0 ? (on_cone ? DERMIS_SLIP : DERMIS_STICK) : 0);
-        if (next < contact->given && contact->nodes[next] == i)
-            next++;
-        else if (dermis_dot(w, normal) < 0.0)
-            contact->missed = 1;
     }
 }
 
 DERMIS_NOINLINE static int32_t sweep(dermis_contact *contact) {
     if (!known(contact)) return DERMIS_NOT_FINITE;
-    for (int64_t i = 0; i < contact->given; i++)
-        if (contact->nodes[i] < 0 || contact->nodes[i] >= contact->count) return DERMIS_BAD_RECORD;
     rows_of c = {contact->single ? contact->compliance : NULL, contact->single ? NULL : contact->compliance, contact->stride, contact->avx2};
-    if (contact->given == contact->count)
-        sweep_all(contact, &c, contact->room);
-    else
-        sweep_given(contact, &c);
+    sweep_all(contact, &c);
     assess(contact);
     return DERMIS_DONE;
 }
 
 static int sound(const dermis_contact *contact) {
     return contact->count >= 0 && contact->stride >= 3 * contact->count && contact->most >= 0 && contact->tolerance >= 0.0 &&
-           (contact->single == 0 || contact->single == 1) && (contact->avx2 == 0 || contact->avx2 == 1) && contact->given >= 0 && contact->given <= contact->count;
+           (contact->single == 0 || contact->single == 1) && (contact->avx2 == 0 || contact->avx2 == 1);
 }
 
 DERMIS_FUNCTION(dermis_sweep, dermis_contact, sound, sweep)

@@ -150,7 +150,7 @@ class ExactFinger:
         skin, pad = self.skin, self.skin.mesh.pad
         points = skin.positions
         expected = self.history.expected(bodies, points + self.displacement[pad], self.search_radius)
-        where, slip = expected.places - points, None
+        where, slip = expected - points, None
         for _ in range(self.looks):
             gaps = self._contact.look(self._nodes, bodies, where)
             if slip is None:

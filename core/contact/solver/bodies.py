@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from ctypes import addressof, byref
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import zip_longest
@@ -15,13 +14,10 @@ from numpy.typing import NDArray
 from ...arrays import Array, Indices
 from ...errors import DermisError
 from ...kernels import records
-from ...kernels.library import kernels
-from ...kernels.records import address
 from ...parameters.material import FRICTION
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .cone import along
-from .sides import dot, passed_through
 
 # A node changes to another body only if that is nearer by more than this [m]. Between two bodies at the same height,
 # rounding then does not decide. It is a step of single precision 8 m from the origin.
@@ -32,8 +28,6 @@ TURN = 0.01
 # A point inside a finger [m]. An open surface is touched on the side of this point.
 BONE = np.array([0.0, 0.0, 0.006])
 
-# Gap, clearance, normal, body, triangle, friction and softness of each node, as in `NodeGaps`.
-_PerNode = tuple[Array, Array, Array, Indices, Indices, Array, Array]
 _UNSTRETCHED = np.concatenate([np.eye(3).reshape(-1), np.eye(3).reshape(-1)])
 
 
@@ -145,26 +139,6 @@ class NodeGaps:
         return self.softness / areas
 
 
-@dataclass(frozen=True, eq=False)
-class Expected:
-    """Expected positions of a finger's nodes in a frame, at which gaps are measured.
-
-    They are the positions in the last frame; nodes that stick move with their body.
-
-    Attributes:
-        places: expected positions [m], shape (m, 3).
-        origins: positions of the nodes if all of them had moved with their bodies [m], shape (m, 3); NaN without a
-            body. None of these is behind a surface.
-        normal: normal of the surface above which a node was, turned with its body, shape (m, 3).
-        body: index of that body, shape (m,); -1 without.
-    """
-
-    places: Array
-    origins: Array
-    normal: Array
-    body: Indices
-
-
 def paired(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> Iterator[tuple[ContactBody, ContactBody]]:
     """Yield each body at two instants; a body that is in one list alone counts as away in the other."""
     return zip_longest(one, other, fillvalue=AWAY)
@@ -205,107 +179,31 @@ def moved(a: ContactBody, b: ContactBody, points: Array) -> Array:
     return np.asarray(((points - a.translation) @ a.rotation) @ b.rotation.T + b.translation - points)
 
 
-def node_gaps(
-    points: Array, bodies: Sequence[ContactBody], search_radius: float, bone: Array, expected: Expected | None = None
-) -> NodeGaps:
-    """Measure the gap of each node to its closest body.
-
-    Gaps are measured at the deformed skin. Deformed skin lies on the surface that it touches and not behind it, so a
-    sheet that is thinner than the penetration is felt like a block. The gap is then exact to first order at the true
-    position of the skin. A node whose movement since the last frame passes through a surface stays on the side from
-    which it came.
+def least_gaps(points: Array, bodies: Sequence[ContactBody], reach: float, bone: Array) -> Array:
+    """Return the gap of each point of undeformed skin to its closest body [m], shape (m,); inf beyond reach.
 
     Args:
-        points: undeformed nodes in the finger's frame [m], shape (m, 3).
+        points: in the finger's frame [m], shape (m, 3).
         bodies: bodies in the same frame.
-        search_radius: larger gaps are not measured [m].
+        reach: larger gaps are not measured [m].
         bone: a point inside the finger [m], shape (3,); an open surface is touched on the side of this point.
-        expected: expected positions of the deformed nodes; None for the undeformed nodes.
     """
-    places = np.ascontiguousarray(points if expected is None else expected.places)
-    points, found = np.ascontiguousarray(points), None
-    for index in by_precedence(bodies):
-        body = bodies[index]
+    least = np.full(len(points), np.inf)
+    for body in bodies:
+        surface, (local,) = body.surface, body.local(points)
         if body.away:
             continue
-        surface = body.surface
-        if isinstance(surface, Surface) and surface.table.usable.any():
-            told = _gaps_to(body, surface, index, points, search_radius, bone, places, expected)
+        if isinstance(surface, Surface):
+            # far away no tree is built, and no side is determined
+            if not surface.table.usable.any() or not boxes_meet(local, surface.box, reach):
+                continue
+            found = surface.query(local, reach)
+            if not surface.closed and surface.side_of(*body.local(bone)) < 0:
+                found = found.flipped()
         else:
-            told = _asked_gaps(body, index, points, search_radius, places)
-        if found is None or told is None:
-            found = told if found is None else found
-            continue
-        turn = told[2] - found[2]
-        lead = np.where(np.einsum("ij,ij->i", turn, turn) < TURN * TURN, -TIE, 0.0)
-        if expected is not None:
-            ours_before, others_before = expected.body == index, expected.body == found[3]
-            lead = np.where(ours_before, TIE, np.where(others_before, -TIE, lead))
-        closer = ((told[3] >= 0) & (told[1] < found[1] + lead)).nonzero()[0]
-        for ours, others in zip(found, told, strict=True):
-            ours[closer] = others[closer]
-    return NodeGaps.nothing(tuple(bodies), len(points)) if found is None else NodeGaps(tuple(bodies), *found)
-
-
-def _gaps_to(
-    body: ContactBody,
-    surface: Surface,
-    index: int,
-    points: Array,
-    search_radius: float,
-    bone: Array,
-    places: Array,
-    expected: Expected | None,
-) -> _PerNode | None:
-    """Measure the gaps of nodes to a body of triangles; None if none is within reach."""
-    m, side = len(points), 1
-    # The kernel compares the boxes too, but for a body far away no tree is built and no side is determined.
-    if not (surface.closed and surface.built) and not boxes_meet(body.local(places)[0], surface.box, search_radius):
-        return None
-    if not surface.closed and surface.side_of(*body.local(bone)) < 0:
-        side = -1
-    kernel, told, which = surface.kernel_body_for(m), np.empty((7, m)), np.empty((3, m), dtype=np.int64)
-    came, before = (None, None) if expected is None else (expected.body, np.ascontiguousarray(expected.normal))
-    record = records.GapsRecord(
-        addressof(kernel.record),
-        address(body.pose),
-        address(surface.box),
-        m,
-        index,
-        search_radius,
-        side,
-        body.friction,
-        body.softness,
-        address(points),
-        address(places),
-        None if came is None else address(came),
-        None if before is None else address(before),
-        address(told),
-        address(which),
-    )
-    kernel.done(kernels().gaps(byref(record)), record.wrong, places)
-    if not record.met:
-        return None
-    (clearance, gap, friction, softness), normal = told[:4], told[4:].reshape(m, 3)
-    if record.turned:
-        assert expected is not None
-        some = which[2, : record.turned]
-        here, origins = body.local(places[some], expected.origins[some])
-        start = expected.normal[some] @ body.rotation
-        through, at, faces, out = passed_through(surface.table, side, here, origins, start)
-        nodes, normal[some[through]] = some[through], out @ body.rotation.T
-        clearance[nodes], which[1, nodes] = dot(here[through] - at, out), faces
-        gap[nodes] = clearance[nodes] - dot(places[nodes] - points[nodes], normal[nodes])
-    return gap, clearance, normal, which[0], which[1], friction, softness
-
-
-def _asked_gaps(body: ContactBody, index: int, points: Array, search_radius: float, places: Array) -> _PerNode:
-    """Measure the gaps of nodes to a body whose surface is no mesh, such as a plane."""
-    answer = body.surface.query((places - body.translation) @ body.rotation, search_radius)
-    near, normal = answer.triangle >= 0, answer.normal @ body.rotation.T
-    friction, softness = (np.where(near, value, 0.0) for value in (body.friction, body.softness))
-    gap = answer.gap - dot(places - points, normal)  # beyond reach the normal is zero
-    return gap, answer.gap, normal, np.where(near, index, -1).astype(np.int64), answer.triangle, friction, softness
+            found = surface.query(local, reach)
+        np.minimum(least, found.gap, out=least)
+    return least
 
 
 def to_material(bodies: Sequence[ContactBody], owner: Indices, triangle: Indices, positions: Array) -> Array:

@@ -205,7 +205,7 @@ class GripSolver:
         body = self.body(pose, *now)
         bodies = (*context.bodies[: context.own], body, *context.bodies[context.own + 1 :])
         expected = context.history.expected(bodies, self._deformed[index], SEARCH_RADIUS)
-        gaps = finger.contact.look(finger.nodes, bodies, expected.places - finger.points)
+        gaps = finger.contact.look(finger.nodes, bodies, expected - finger.points)
         near = np.flatnonzero(gaps.body >= 0)
         offset = context.history.offset(gaps, finger.points)[near]
         new = np.flatnonzero((gaps.body[near] == context.own) & (context.history.body[near] != context.own))
@@ -225,7 +225,7 @@ class GripSolver:
             bent = -finger.law.beyond[near]
             offset = offset + bent
         grip = Grip(gaps, near, kept[1], kept[2], offset, pose, context.history, context.own, bent)
-        grip.act_at(expected.places, now[1])
+        grip.act_at(expected, now[1])
         return grip
 
     def _balanced(self, everybody: Sequence[Grip | None], required: Array, pressing: bool) -> Balance:

@@ -16,7 +16,7 @@ from ...kernels.records import address
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from ...surface.topology import cut_otherwise
-from .bodies import ContactBody, Expected, NodeGaps, corners_of, from_material, owned, to_material, unplaced
+from .bodies import ContactBody, NodeGaps, corners_of, from_material, owned, to_material, unplaced
 
 # The arrays of a history in the order of the kernels' record, with the numbers of a node, and types. `_local` has no
 # field there. All lie in one block, with `sticking` of one byte a node at its end.
@@ -138,8 +138,10 @@ class ContactHistory:
         search_radius: float,
         force: Array | None = None,
         drift: tuple[Array, Array] | None = None,
-    ) -> Expected:
-        """Return the expected positions of the nodes in the next frame.
+    ) -> Array:
+        """Return the expected positions of the nodes in the next frame [m], shape (m, 3).
+
+        They are the positions in the last frame; nodes that stick move with their body.
 
         Args:
             bodies: bodies in the next frame.
@@ -150,7 +152,7 @@ class ContactHistory:
                 expected to stay.
         """
         record, m = self.record, len(self.body)
-        out = np.empty((4, m, 3))  # anchors, their normals, expected places and origins
+        out = np.empty((3, m, 3))  # anchors, their normals, and expected places
         poses, shaped = self._pose(bodies), self._shaped(bodies)
         if shaped:
             for index, own in shaped:
@@ -163,12 +165,12 @@ class ContactHistory:
             force = np.ascontiguousarray(force)
             record.force, record.drift[:], record.passed[:] = address(force), drift[0].tolist(), drift[1].tolist()
         at, size = address(out), out.strides[0]
-        record.anchors, record.normals, record.places, record.origins = at, at + size, at + 2 * size, at + 3 * size
+        record.anchors, record.normals, record.places = at, at + size, at + 2 * size
         self.call(kernels().expect)
         for index, own in shaped:
             self._local[own] = unplaced(bodies[index], out[0, own])
         self._seen = bodies, out
-        return Expected(out[2], out[3], out[1], self.body)
+        return out[2]
 
     def _shaped(self, bodies: Sequence[ContactBody]) -> list[tuple[int, Indices | slice]]:
         """Return the bodies whose anchors may be on triangles that change, with the nodes above them."""

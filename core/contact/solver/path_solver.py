@@ -19,7 +19,7 @@ from ...arrays import Array, Floats32, Indices
 from ...errors import DermisError, Finding
 from ...kernels.library import kernels
 from .between import matter_moved
-from .bodies import BONE, ContactBody, Expected, NodeGaps, node_gaps, same_places
+from .bodies import BONE, ContactBody, NodeGaps, least_gaps, same_places
 from .compliance import displaced, own_compliance, refuse_indefinite
 from .cone import assess, carrying
 from .frame_friction import UNMOVED, FrameFriction
@@ -196,7 +196,7 @@ class PathSolver:
 
     def outside(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
         """Return the smallest gap of the undeformed skin [m], inf where there is none within reach."""
-        return float(node_gaps(self.pad, bodies, reach, self.bone).gap.min())
+        return float(least_gaps(self.pad, bodies, reach, self.bone).min())
 
     @property
     def gaps(self) -> NodeGaps | None:
@@ -272,9 +272,9 @@ class PathSolver:
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps without solving the frame."""
         bodies = tuple(bodies)  # `ContactHistory` keeps anchors for this very tuple, so `offset` finds them
-        return self._contact.look(self._touching, bodies, self._expected(bodies).places - self.points)
+        return self._contact.look(self._touching, bodies, self._expected(bodies) - self.points)
 
-    def _expected(self, bodies: Sequence[ContactBody]) -> Expected:
+    def _expected(self, bodies: Sequence[ContactBody]) -> Array:
         """Return the expected places of the skin in the next frame."""
         drift = self._rubbing.drift
         way = None if drift is STILL else (drift.moved, drift.passed)

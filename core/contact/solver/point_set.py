@@ -19,6 +19,7 @@ NONE = -1
 SPREAD = 0.25e-3  # distance along both sides of a cell at which a point looks at bodies as well [m]
 # LIFT: height of the lower look above the point [m]. RATIO: that of the upper one over it.
 LIFT, RATIO = 0.3e-3, 6.0
+CELL = 0.2e-3  # width of the cells of a pad where an edge passes [m]
 # The same of nodes, as shares of their distance, which is the root of their area. With this spread, the mean over the
 # five places at which a node looks is exact for gaps of second degree over its square: h^2 / 6 = 4 / 6 (2 spread^2).
 # With half of this lift, a right-angled edge that slides without friction differs by 20 % of the force from one that
@@ -27,19 +28,27 @@ NODE_SPREAD, NODE_LIFT = 1.0 / np.sqrt(8.0), 0.8
 
 
 class ContactPoints(Protocol):
-    """Points at which contact is solved.
+    """Points at which contact is solved."""
 
-    Attributes:
-        positions: undeformed points [m], shape (n, 3).
-        inward: unit normals of the skin at the points, into the finger, shape (n, 3).
-        spread: ways to the places at which a point looks as well, in two directions [m], shape (n, 2, 3).
-        areas: area of skin of each point [m^2], shape (n,).
-    """
+    @property
+    def positions(self) -> Array:
+        """Undeformed points [m], shape (n, 3)."""
 
-    positions: Array
-    inward: Array
-    spread: Array
-    areas: Array
+    @property
+    def inward(self) -> Array:
+        """Unit normals of the skin at the points, into the finger, shape (n, 3)."""
+
+    @property
+    def spread(self) -> Array:
+        """Ways to the places at which a point looks as well, in two directions [m], shape (n, 2, 3)."""
+
+    @property
+    def areas(self) -> Array:
+        """Area of skin of each point [m^2], shape (n,)."""
+
+    @property
+    def width(self) -> float:
+        """Distance between points where an edge passes [m]."""
 
     @property
     def lift(self) -> float:
@@ -58,6 +67,7 @@ class Nodes:
     inward: Array
     spread: Array
     areas: Array
+    width: float
     lift: float
     compliance: Floats32
 
@@ -79,14 +89,14 @@ class Nodes:
         first = across - np.einsum("ij,ij->i", across, inward)[:, None] * inward
         first /= np.sqrt(np.einsum("ij,ij->i", first, first))[:, None]
         spread = NODE_SPREAD * widths[:, None, None] * np.stack([first, np.cross(inward, first)], axis=1)
-        lift = min(
-            NODE_LIFT * float(np.median(widths)), float(np.median(far)) / RATIO
-        )  # the upper one is in the finger
+        width = float(np.median(widths))
+        lift = min(NODE_LIFT * width, float(np.median(far)) / RATIO)  # the upper look is in the finger
         return cls(
             np.ascontiguousarray(points, dtype=np.float64),
             np.ascontiguousarray(inward),
             spread,
             widths * widths,
+            width,
             lift,
             np.ascontiguousarray(compliance, dtype=np.float32),
         )
@@ -114,7 +124,7 @@ class PointSet:
         spread: vectors of the length `SPREAD` along both sides of the points' cells [m], shape (n, 2, 3).
     """
 
-    lift = LIFT
+    width, lift = CELL, LIFT
 
     def __init__(self, pad: SurfaceCompliance) -> None:
         self.pad, self.matrix = pad, PointMatrix(pad)

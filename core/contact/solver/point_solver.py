@@ -19,7 +19,7 @@ from ...arrays import Array, Floats32, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
 from ...surface.plane import Plane
-from .bodies import ContactBody, NodeGaps, node_gaps, paired, same_places, travel
+from .bodies import ContactBody, NodeGaps, least_gaps, paired, same_places, travel
 from .compliance import own_compliance
 from .history import ContactHistory
 from .law_skin import LawSkin
@@ -104,12 +104,12 @@ class PointSolver(PathSolver):
             return super().outside(bodies, reach)
         # The gaps of two points differ by at most their distance, so skin far from the closest point can be left out.
         sizes = self._reach.sizes
-        gap = node_gaps(self.places, bodies, reach + float(sizes.max()), self.bone).gap
+        gap = least_gaps(self.places, bodies, reach + float(sizes.max()), self.bone)
         closest = float((gap + sizes).min())
         if not np.isfinite(closest):
             return np.inf
         near = (gap - sizes <= closest).nonzero()[0]
-        return float(node_gaps(self._pad.reshape(-1, 4, 3)[near].reshape(-1, 3), bodies, reach, self.bone).gap.min())
+        return float(least_gaps(self._pad.reshape(-1, 4, 3)[near].reshape(-1, 3), bodies, reach, self.bone).min())
 
     @property
     def places(self) -> Array:
@@ -187,7 +187,7 @@ class PointSolver(PathSolver):
         if self.fresh and not len(self.cells):
             return NodeGaps.nothing(bodies, 0)
         expected = self._expected(bodies)
-        gaps = self._contact.look(self._points, bodies, expected.places - self.points)
+        gaps = self._contact.look(self._points, bodies, expected - self.points)
         self._calm = None if asks else gaps
         return gaps
 

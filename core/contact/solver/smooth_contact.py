@@ -31,7 +31,7 @@ from ...kernels.records import address
 from .bodies import ContactBody, NodeGaps
 from .cone import along
 from .path_step import SolvedFrame
-from .point_set import LIFT, RATIO, ContactPoints
+from .point_set import CELL, RATIO, ContactPoints
 from .posed_records import posed_records
 from .solve import MOST_SWEEPS, Solution
 
@@ -144,7 +144,7 @@ class SmoothContact:
     def _prepared(self, points: ContactPoints, bodies: Sequence[ContactBody], where: Array) -> _Look:
         at, lift = points.positions, points.lift
         n, zero = len(at), np.zeros(at.shape)
-        near, posed = posed_records(bodies, at + where, self._reach + RATIO * lift, self._bone, lift / LIFT)
+        near, posed = posed_records(bodies, at + where, self._reach + RATIO * lift, self._bone, points.width / CELL)
         arrays = {
             "points": at,
             "inward": points.inward,

@@ -17,7 +17,6 @@ from ...errors import DermisError
 from ...kernels import records
 from ...kernels.library import kernels
 from ...kernels.records import address
-from .cone import carrying
 
 
 class Swept(NamedTuple):
@@ -51,7 +50,6 @@ def sweep(
     start: Array,
     tolerance: float,
     most: int,
-    likely: NDArray[np.bool_] | None = None,
 ) -> Swept:
     """Solve frictional contact: find f with w = C f + softness f + offset, where f and w obey Coulomb's law.
 
@@ -65,8 +63,6 @@ def sweep(
         start: initial guess of the forces [N], shape (n, 3).
         tolerance: largest residual at which the sweeps stop, see `Swept`.
         most: largest number of sweeps.
-        likely: nodes that may carry force, shape (n,); None for all. It affects only the run time: other nodes are
-            added as soon as they penetrate.
 
     Raises:
         DermisError: the arrays do not fit each other, or a number is not finite.
@@ -95,21 +91,8 @@ def sweep(
         address(moved),
         address(status),
     )
-    swept = np.ones(n, dtype=np.bool_) if likely is None else likely | carrying(force)
-    sweeps = 0
-    while True:
-        nodes = swept.nonzero()[0]
-        few = nodes.size < n
-        room = np.empty((9 * records.KEPT + 12 + few * (14 + (9 * nodes.size * step + 7) // 8)) * nodes.size + few)
-        record.given, record.nodes, record.room = nodes.size, address(nodes), address(room)
-        _done(record)
-        sweeps += record.sweeps
-        if not few or record.residual <= tolerance or not record.missed:
-            break
-        swept |= np.einsum("ij,ij->i", moved, values[1].reshape(-1, 3)) < 0.0
-    return Swept(force, image, moved, status, record.residual, sweeps)
-
-
-def _done(record: records.ContactRecord) -> None:
+    room = np.empty((9 * records.KEPT + 12) * n)
+    record.room = address(room)
     if kernels().sweep(byref(record)) == records.NOT_FINITE:
         raise DermisError("a number in the contact problem is not finite", where=f"node {record.wrong}")
+    return Swept(force, image, moved, status, record.residual, record.sweeps)

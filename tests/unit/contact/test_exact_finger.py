@@ -43,7 +43,7 @@ def test_tissue_and_contact_are_both_in_balance_while_pressed_and_dragged(finger
 
 def test_a_light_touch_is_that_of_linear_skin_and_the_difference_is_of_first_order(finger: ExactFinger) -> None:
     off, once = [], ExactFinger(finger.skin, looks=1)
-    for depth in (0.02e-3, 0.01e-3):
+    for depth in (0.08e-3, 0.04e-3):
         touch = press(finger.skin, ball(8e-3), depth, step=depth)
         exact = follow(once, touch)[-1].force
         linear = frozen(on_nodes(finger.skin, 1e-8), touch.bodies(0)).solution.force

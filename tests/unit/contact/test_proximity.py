@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from core.contact.proximity import Proximity, RelativePoses
-from core.contact.solver.bodies import ContactBody, node_gaps
+from core.contact.solver.bodies import ContactBody, least_gaps
 from core.surface.gap import Surface
 
 BONE = np.array([0.0, 0.0, 0.006])
@@ -35,7 +35,7 @@ def test_a_bound_is_never_above_the_gap(skin, stretch):
     def body(i):
         return ContactBody(carried, poses.linear[i] @ np.linalg.inv(stretch), poses.place[i])
 
-    true = np.array([node_gaps(skin.positions, [body(i)], np.inf, BONE).gap.min() for i in range(n)])
+    true = np.array([least_gaps(skin.positions, [body(i)], np.inf, BONE).min() for i in range(n)])
     seen = {0: poses}
     assert (proximity.gaps(0, 0, seen, mesh) == -np.inf).all()
     measured = proximity.measure(0, 20, seen, mesh, body(20)).min()
@@ -51,7 +51,7 @@ def test_a_gap_within_reach_is_exact(skin):
     surface = Surface.sphere(5e-3, 500)
     poses = RelativePoses(np.eye(3)[None], np.array([[0.0, 0.0, skin.positions[:, 2].min() - 1e-3]]))
     body = ContactBody(surface, translation=poses.place[0])
-    exact = node_gaps(skin.positions, [body], np.inf, BONE).gap.min()
+    exact = least_gaps(skin.positions, [body], np.inf, BONE).min()
     assert 1e-3 < exact < REACH
     gaps = Proximity(skin.positions, BONE).measure(0, 0, {0: poses}, surface.mesh, body)
     assert gaps.min() == pytest.approx(exact)
@@ -69,7 +69,7 @@ def test_a_surface_that_deforms_is_as_far_as_its_vertices_came_nearer(skin):
     swollen = Surface.build(surface.vertices * [1.1, 1.0, 1.05], surface.triangles)
     after = proximity.gaps(0, 1, poses, swollen.mesh)
     body = ContactBody(swollen, translation=place[1])
-    assert 0.0 < after.min() <= node_gaps(skin.positions, [body], np.inf, BONE).gap.min()
+    assert 0.0 < after.min() <= least_gaps(skin.positions, [body], np.inf, BONE).min()
     reach = proximity.grouped(np.where(skin.positions[:, 0] < 0.0, 2e-3, 0.0))
     assert (after > reach).all() and not (after > 2e-3).all()
 

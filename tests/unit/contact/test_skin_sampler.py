@@ -247,8 +247,8 @@ def test_far_fingers_cost_no_solve(skin):
 def test_a_pose_that_stays_is_not_solved_again(skin):
     path = np.repeat(press_and_slide()[19:20], 10, axis=0)
     got = felt(skin, poses(path), still(10))
-    # what came to touch in the first is held from where it did in the second, and that rests in the third
-    assert got.skipped["skin_frames_same"] >= 7
+    # what came to touch in the first is held from where it did in the second; gaps follow, and rest in the fourth
+    assert got.skipped["skin_frames_same"] >= 6
     np.testing.assert_array_equal(got.force[-1], got.force[2])
     np.testing.assert_allclose(got.force[1], got.force[2], atol=1e-3 * np.abs(got.force[2]).max())
 

@@ -48,7 +48,7 @@ def test_pressing_deeper_never_pulls_and_takes_ever_more_force(skin: SkinModel, 
         assert step.solution.normal_force.min() >= -1e-9 * np.abs(step.solution.force).max()
     up = totals(steps)[:, 2]
     assert (np.diff(up) > 0.0).all()
-    assert (np.diff(up, 2) > 0.0)[2:].mean() > 0.8  # ever more a millimetre; nodes that come to touch are steps
+    assert (np.diff(up, 2) > 0.0)[2:].mean() > 0.7  # ever more a millimetre; nodes that come to touch are steps
     linear = totals(follow(skin.linear, touch))[:, 2]
     assert up[-1] > 1.05 * linear[-1]
 

@@ -48,10 +48,3 @@ def test_the_node_that_is_not_finite_is_named(name: str) -> None:
     getattr(contact, name).reshape(-1)[-1] = np.inf
     assert contact.call(opened(library.kernels().path)) == [records.NOT_FINITE]
     assert contact.record.wrong == len(contact.force) - 1
-
-
-@pytest.mark.parametrize("node", [-1, 2**40])
-def test_nodes_that_are_none_are_refused(node: int) -> None:
-    contact = drawn_contact(5)
-    contact.nodes[0] = node
-    assert contact.call(opened(library.kernels().path)) == [records.BAD_RECORD]

@@ -13,7 +13,7 @@ pytest.importorskip("scipy")
 from scipy.spatial.transform import Rotation
 
 from core.contact.solver import point_tree
-from core.contact.solver.bodies import AWAY, ContactBody, node_gaps, same_places
+from core.contact.solver.bodies import AWAY, ContactBody, least_gaps, same_places
 from core.contact.solver.cone import OPEN
 from core.contact.solver.point_matrix import PointMatrix
 from core.contact.solver.point_solver import PointSolver
@@ -291,7 +291,7 @@ def test_the_smallest_gap_is_that_of_all_skin(pad, height):
         [body(Surface.edge(), height, shift=(-1.1e-3, 0.0)), body(Surface.block(5e-3, 5e-3), height)],
         [replace(body(Surface.block(5e-3, 5e-3), 0.0), away=True)],
     ):
-        all_of_it = node_gaps(solver.pad, bodies, np.inf, solver.bone).gap.min()
+        all_of_it = least_gaps(solver.pad, bodies, np.inf, solver.bone).min()
         assert solver.outside(bodies) == pytest.approx(all_of_it, abs=1e-15)
 
 

@@ -11,10 +11,10 @@ from core.kernels import library, records
 from tests.kernel_arrays import GIVEN, drawn_contact, opened
 
 
-@pytest.mark.parametrize("field", ["count", "stride", "avx2", "most", "single", "tolerance", "given"])
+@pytest.mark.parametrize("field", ["count", "stride", "avx2", "most", "single", "tolerance"])
 def test_damaged_records_are_refused(field: str) -> None:
     own = opened(library.kernels().path)
-    values = {"count": -1, "stride": 2, "avx2": 2, "most": -1, "single": 2, "tolerance": -1.0, "given": 10**6}
+    values = {"count": -1, "stride": 2, "avx2": 2, "most": -1, "single": 2, "tolerance": -1.0}
     assert drawn_contact(4).call(own) == [records.DONE]
     assert drawn_contact(4).call(own, **{field: values[field]}) == [records.BAD_RECORD]
     assert drawn_contact(4).call(own, tolerance=np.nan) == [records.BAD_RECORD]

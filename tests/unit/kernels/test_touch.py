@@ -75,7 +75,7 @@ def test_on_a_plane_alone_the_gap_is_exact_and_the_forces_are_those_of_the_sweep
     offset = way + ((away[:, 2] - height) - way[:, 2])[:, None] * normal
     normals, friction, softness = np.tile(normal, (n, 1)), np.full(n, 0.7), 1e-9 / touch.areas
     start = np.zeros((n, 3))
-    swept = Contact(touch.compliance, offset, normals, friction, softness, start, np.arange(n), 1e-9, 10000)
+    swept = Contact(touch.compliance, offset, normals, friction, softness, start, 1e-9, 10000)
     assert swept.call(own) == [records.DONE]
     wanted = swept.called[0].kept["force"]
     largest = float(np.linalg.norm(wanted, axis=1).max(initial=0.0))
@@ -89,7 +89,7 @@ def test_on_a_plane_alone_the_gap_is_exact_and_the_forces_are_those_of_the_sweep
 def test_shortcuts_do_not_matter(seed: int) -> None:
     """Points far from bodies look once and are not visited; points over one flat face look from one place.
 
-    A normal follows its point only after 0.3 um, so forces depend a little on the order of the visits.
+    A normal follows its point only after a small way, so forces depend a little on the order of the visits.
     """
     own, found = opened(library.kernels().path), []
     for thorough in (0, 1):

@@ -139,14 +139,3 @@ def test_shapes_that_do_not_fit_are_refused():
         sweep(c[:30, :30], b, n, mu, soft, zero, 1e-9, 10)
     with pytest.raises(DermisError, match="do not fit"):
         sweep(c, b, n, mu[:4], soft, zero, 1e-9, 10)
-
-
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("share", [0.0, 0.2, 0.8])
-def test_which_nodes_are_likely_changes_the_time_alone(dtype, share):
-    c, b, n, mu, soft, zero = given(11, 40, dtype)
-    likely = np.random.default_rng(1).random(40) < share
-    found, whole = (sweep(c, b, n, mu, soft, zero, 1e-12, 3000, some) for some in (likely, None))
-    assert found.residual <= 1e-12 and (whole.force[:, 0] > 0)[~likely].any()
-    np.testing.assert_allclose(found.force, whole.force, atol=1e-9 * np.abs(whole.force).max())
-    np.testing.assert_allclose(found.image, whole.image, atol=1e-9 * np.abs(whole.image).max())

@@ -494,7 +494,7 @@ typedef struct {
 } dermis_thimble;
 
 /* Why a search ended. OUTSIDE: it did not begin, since its start is outside the limits. See
-   core/matching/gauss_newton.py for all others. */
+   core/matching/minimum.py for all others. */
 enum {
     DERMIS_LIMIT = 0,
     DERMIS_OPTIMAL = 1,
@@ -516,7 +516,7 @@ typedef struct {
     int64_t size;            /* number k of components of a stimulus */
     const double *observation; /* stimulus for unit forces on the points of the disc's contact (points, 3, k) */
     double optimal, small_step, exact, small_gain, hardly, later, least_reach, nearly, shortest, longest, armijo, damping;
-                             /* see core/matching/gauss_newton.py */
+                             /* see core/matching/minimum.py */
     int64_t most_steps, most_evaluations;
     const double *target;    /* (k) */
     double low[3], high[3];  /* least and greatest angles of the servos from neutral [rad] */
@@ -549,7 +549,7 @@ typedef struct {
     double angles[3];        /* out: of the servos at `x`, from neutral [rad] */
     double trial_angles[3];
     double reach;            /* share of a full step that minimises the cost, as the last step tells; in: of an earlier search */
-    double start_cost, cost, kkt; /* out, see core/matching/gauss_newton.py */
+    double start_cost, cost, kkt; /* out, see core/matching/minimum.py */
     int64_t iterations, evaluations; /* out: numbers of steps and of evaluations */
     int64_t presses;         /* out: number of evaluations by the disc's contact */
     int64_t why;             /* out: why the search ended */

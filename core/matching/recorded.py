@@ -28,7 +28,7 @@ from ..surrogate.ridge import fit_ridge
 from ..surrogate.subspace import Subspace, principal_components
 from ..surrogate.table import SampleTable
 from ..surrogate.trial import TrialForce
-from .gauss_newton import Minimum, ServoLimits
+from .minimum import Minimum, ServoLimits
 from .stress import Search, StressMatcher, ThimbleFrame
 from .thimble_use import HOVER
 from .warm_start import recorded_table

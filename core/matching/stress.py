@@ -29,7 +29,7 @@ from ..skin.observation import Observer
 from ..skin.stimulus import Stimulus
 from ..surrogate.forward import DirectModel, ForwardModel
 from .descent import Descent
-from .gauss_newton import GIVES_WAY, SMALL_STEP, Minimum, ServoLimits
+from .minimum import GIVES_WAY, SMALL_STEP, Minimum, ServoLimits
 from .onset import AHEAD, FAINT, FIRST_STARTS, SIDES, best_side
 from .thimble_use import HOVER
 from .warm_start import WarmStartTable, warm_start_table

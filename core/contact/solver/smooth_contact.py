@@ -31,6 +31,7 @@ from ...kernels.records import address
 from .bodies import ContactBody, NodeGaps
 from .cone import along
 from .path_step import SolvedFrame
+from .point_matrix import GROWTH
 from .point_set import PointSet
 from .posed_records import posed_records
 from .solve import Solution
@@ -40,7 +41,6 @@ LIFT, RATIO = 0.3e-3, 6.0
 MOST_SWEEPS = 1000  # over all points in one frame
 ROOM = 38  # numbers of a point in the kernel's workspace
 LOOKS = 10  # of a point, each with a hint
-GROWTH = 1.2  # factor by which the workspace grows if it is too small
 _FOUND = "clearance", "normal", "where", "body", "triangle"  # arrays that describe gaps
 
 

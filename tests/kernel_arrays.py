@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from core.arrays import Array, Indices
+from core.contact.solver.bodies import TIE, TURN
 from core.contact.solver.smooth_contact import LOOKS, ROOM
 from core.kernels import building, records
 from core.skin.assembly import degrees, stiffness
@@ -427,7 +428,7 @@ def posed_pair(
     """Return the records of a body and of a rough and soft plane or disc below it."""
     assert not any(solid.call(own))
     _, body, _ = solid.records()
-    turn = {"rotation": np.eye(3), "side": 1.0}
+    turn = {"rotation": np.eye(3), "side": 1.0, "tie": TIE, "turn": TURN}
     edge = filled(records.PosedRecord, body=body, translation=poses[0], sharpness=sharpness, **turn)
     soft = {"sharpness": 1.0 / 3.0, "friction": 0.7, "softness": 1e-9, "radius": 2e-3, "rounding": rounding}
     plane = filled(records.PosedRecord, plane=[0.0, 0.0, 1.0, -2e-3], translation=poses[1], **soft, **turn)

@@ -164,6 +164,8 @@ typedef struct {
     double softness;         /* compliance of the body's own surface [m/Pa] */
     double side;             /* factor on gap and normal: 1, or -1 if the finger is behind the faces of an open sheet */
     double sharpness;        /* share of the largest lift at which points look, see touch.c */
+    double tie, turn;        /* faces of two bodies coincide for a point if its gaps to them differ by less than `tie` [m] and
+                                their normals turn by less than `turn` [rad] */
 } dermis_posed;
 
 /* Points of smooth skin, the bodies near them, and contact between both; see `touch.c`. */

@@ -501,12 +501,11 @@ class Pieces(Case):
     normals: Array
     sides: Array
     areas: Array
-    single: int
 
     def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         n = len(self.areas)
         field = filled(records.PatchesRecord, self, count=n)
-        out = np.full((n, 3, n, 3), np.nan, np.float32 if self.single else np.float64)
+        out = np.full((n, 3, n, 3), np.nan)
         record = filled(records.PiecesRecord, self, field=field, source=field, poisson=0.48, out=out)
         yield self._call(own.dermis_press_pieces, record, **changed)
 
@@ -520,7 +519,7 @@ def drawn_pieces(seed: int) -> Pieces:
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     sides = 10.0 ** rng.uniform(-5, -3, (n, 1, 1)) * (np.eye(3)[:2] + 0.1 * rng.normal(size=(n, 2, 3)))
     areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    return Pieces(positions, normals, np.ascontiguousarray(sides), areas, seed % 2)
+    return Pieces(positions, normals, np.ascontiguousarray(sides), areas)
 
 
 @dataclass(eq=False)

@@ -294,8 +294,7 @@ typedef struct {
 typedef struct {
     const dermis_patches *field, *source; /* pieces whose displacement is computed, and pieces that carry forces */
     double poisson;                       /* Poisson's ratio */
-    int64_t single;                       /* 1: the results are floats; 0: doubles */
-    void *out;                            /* displacement for E = 1 (field, 3, source, 3) [1/m] */
+    double *out;                          /* displacement for E = 1 (field, 3, source, 3) [1/m] */
 } dermis_pieces;
 
 /* A touched skin that is drawn, see `drawn.c`. The nodes are those of the tissue's mesh on its surface. */

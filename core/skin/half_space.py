@@ -12,10 +12,8 @@ Source: Johnson, Contact Mechanics, chapter 3; Love, Phil. Trans. A 228 (1929)
 from __future__ import annotations
 
 from ctypes import addressof, byref
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 from ..kernels import records
@@ -26,7 +24,7 @@ from .pad_chart import Patches
 STRESS_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, yz, xz, xy
 
 
-def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type = np.float64) -> NDArray[Any]:
+def surface_kernel(field: Patches, source: Patches, poisson: float) -> Array:
     """Return the displacement of pieces of skin for unit forces on others.
 
     It is that of a half-space with E = 1, see `core/kernels/half_space.c`. If field and source are exchanged, the
@@ -36,14 +34,13 @@ def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type 
         field: I pieces whose displacement is computed.
         source: J pieces that carry forces.
         poisson: Poisson's ratio.
-        dtype: type of the result, float32 or float64. The computation is in double precision.
 
     Returns:
         Displacement [1/m], shape (I, 3, J, 3).
     """
-    out: NDArray[Any] = np.empty((len(field), 3, len(source), 3), dtype)
+    out = np.empty((len(field), 3, len(source), 3))
     both = patches_record(field), patches_record(source)
-    pieces = records.PiecesRecord(*map(addressof, both), poisson, dtype is np.float32, address(out))
+    pieces = records.PiecesRecord(*map(addressof, both), poisson, address(out))
     kernels().press_pieces(byref(pieces))
     return out
 

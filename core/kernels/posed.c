@@ -122,11 +122,13 @@ static double reach_of_kink(const kink *at) { return at->gap + at->width - 2.0 *
 static double reduce_by_triangle(void *state, const double *row) {
     kink *at = state;
     double u, w, normal[3], facing[3], distance = dermis_root(dermis_on_triangle(row, at->x, &u, &w));
-    if (distance >= at->gap + at->width || !(distance > 0.0)) return reach_of_kink(at);
-    for (int k = 0; k < 3; k++) normal[k] = (at->x[k] - row[k] - u * row[AB + k] - w * row[AC + k]) / distance;
-    dermis_cross(row + AB, row + AC, facing);
-    if (at->side * dermis_dot(facing, normal) > 0.0) reduce(at, distance, normal);
-    return reach_of_kink(at);
+    if (distance < at->gap + at->width && distance > 0.0) {
+        for (int k = 0; k < 3; k++) normal[k] = (at->x[k] - row[k] - u * row[AB + k] - w * row[AC + k]) / distance;
+        dermis_cross(row + AB, row + AC, facing);
+        if (at->side * dermis_dot(facing, normal) > 0.0) reduce(at, distance, normal);
+    }
+    double reach = reach_of_kink(at);
+    return reach < 0.0 ? reach : reach * reach;
 }
 
 /* Whether two faces of a body may be equally close to a point outside. */

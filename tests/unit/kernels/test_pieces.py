@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from core.kernels import library, records
-from tests.kernel_arrays import drawn_pieces, opened
+from tests.kernel_cases.case import opened
+from tests.kernel_cases.pads import drawn_pieces
 
 
 def test_damaged_records_are_refused() -> None:

@@ -15,7 +15,8 @@ from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.thimble import MIN_MARGIN, Thimble, mechanism
 from core.kernels import library, records
 from core.presets import Library
-from tests.kernel_arrays import Searched, drawn_search, opened
+from tests.kernel_cases.case import opened
+from tests.kernel_cases.discs import Searched, drawn_search
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
 SCALE = np.array([1.0, 1.0, DEVICE.platform_radius])

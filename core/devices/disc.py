@@ -59,8 +59,6 @@ class DiscContact:
         friction: Coulomb's coefficient of friction.
 
     Attributes:
-        solved: number of poses that were solved.
-        fallbacks: number of poses for which Newton's method did not converge.
         law: nonlinear law of the skin; None for linear skin.
     """
 
@@ -73,7 +71,6 @@ class DiscContact:
         self.law = None if points.law is None else DiscLaw(points.law, points.modulus, points.nodal)
         self._less: Array | None = None  # the correction c at the points, constant while poses are tried
         self.near: NDArray[np.intp] = np.zeros(0, np.intp)
-        self.solved = self.fallbacks = 0
         self._places, self._gap = self.positions.copy(), np.empty(self.count)
         self._all = np.ones(self.count, bool)
         self._built: Array | None = None
@@ -171,7 +168,6 @@ class DiscContact:
 
         On linear skin there is no correction, and the result is exact.
         """
-        self.solved += 1
         record = self._pressed(pose, *self._told)
         if record.strays or not len(self.near):  # another point has come close: choose the candidates again
             self._take(np.flatnonzero(self._gap < NEAR))
@@ -181,7 +177,6 @@ class DiscContact:
         if not record.touching:
             return DiscSolution(pose, self.near, answer, w, status, 0.0, 0, "none")
         if residual > TOLERANCE:
-            self.fallbacks += 1
             method = "fallback"
             other = self._solved_otherwise(pose, answer[:, :, 0])
             record = self._pressed(pose, other.force[:, :, None], None, steps=1)
@@ -266,7 +261,6 @@ class DiscContact:
         Returns:
             The contact; None if the search did not solve it.
         """
-        self.solved += search.presses
         if not search.held:
             return None
         answer, moved, status = self._lent

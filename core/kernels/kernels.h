@@ -552,7 +552,6 @@ typedef struct {
     double reach;            /* share of a full step that minimises the cost, as the last step tells; in: of an earlier search */
     double start_cost, cost, kkt; /* out, see core/matching/minimum.py */
     int64_t iterations, evaluations; /* out: numbers of steps and of evaluations */
-    int64_t presses;         /* out: number of evaluations by the disc's contact */
     int64_t why;             /* out: why the search ended */
     double gram[16], way[3], length, descent, share, goal; /* of the step that is tried */
 } dermis_search;

@@ -130,18 +130,7 @@ class Searched(Case):
         "why",
         "own",
     )
-    results += (
-        "held",
-        "residual",
-        "steps",
-        "reach",
-        "start_cost",
-        "cost",
-        "kkt",
-        "iterations",
-        "evaluations",
-        "presses",
-    )
+    results += ("held", "residual", "steps", "reach", "start_cost", "cost", "kkt", "iterations", "evaluations")
 
     def value(self, x: Array) -> tuple[Array, Array]:
         """Return the map at a configuration, shape (k,), and its derivative, shape (3, k).

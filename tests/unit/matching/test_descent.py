@@ -13,6 +13,7 @@ from core.errors import DermisError
 from core.matching.descent import LATER, Descent
 from core.matching.minimum import EXACT, GIVES_WAY, HARDLY, ServoLimits
 from core.presets import Library
+from tests.thimbles import leg_margins
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
 NEUTRAL = np.array([0.0, 0.0, 0.018])
@@ -41,7 +42,7 @@ def test_plain_angles_are_the_angles():
     rng = np.random.default_rng(1)
     for _ in range(200):
         x = np.array([*rng.uniform(-0.5, 0.5, 2), 0.018 + rng.uniform(-3e-3, 3e-3)])
-        if not (DEVICE.leg_margins(x) > 0).all():
+        if not (leg_margins(DEVICE, x) > 0).all():
             continue
         np.testing.assert_allclose(
             inverse_kinematics(DEVICE, *x)[0], DEVICE.angles_from_neutral(DEVICE.pose(x))[0], atol=1e-12
@@ -52,10 +53,9 @@ def test_plain_angles_are_the_angles():
 
 def test_inside_is_what_the_constraints_say():
     limits = ServoLimits.of(DEVICE)
-    low, high = limits.low.tolist(), limits.high.tolist()
     for at in ((0.0, 0.0, 0.0), (0.5, 0.3, 0.0), (-0.2, 0.55, 0.0)):
-        poses = [(*at[:2], z) for z in np.linspace(0.008, 0.03, 60) if (DEVICE.leg_margins((*at[:2], z)) > 0).all()]
-        told = [DEVICE.within(*x, low, high) for x in poses]
+        poses = [(*at[:2], z) for z in np.linspace(0.008, 0.03, 60) if (leg_margins(DEVICE, (*at[:2], z)) > 0).all()]
+        told = [DEVICE.feasible(x) for x in poses]
         assert told == [bool(limits.constraints(DEVICE, np.array(x)).min() >= 0.0) for x in poses]
         assert any(told) and not all(told)
 

@@ -25,7 +25,7 @@ from .bodies import ContactBody, node_gaps
 from .cone import SLIP, STICK, along
 from .grip import NOWHERE, Displacement, Grip, GripStep, HoldContext, HoldingFinger
 from .notes import Notes
-from .solve import status_of
+from .solution import status_of
 
 SEARCH_RADIUS = 3e-3  # largest gap that is measured [m]
 # A frame is balanced again after a displacement above this [m], or an error of the torque above this [N m].

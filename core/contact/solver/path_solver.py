@@ -27,8 +27,8 @@ from .law_frame import solved_by_law
 from .law_skin import Fold, LawSkin
 from .notes import Notes
 from .path_step import PathStep, SolvedFrame
-from .solve import MOST_SWEEPS, Solution, status_of
-from .sweeps import sweep
+from .solution import Solution, status_of
+from .sweeps import MOST_SWEEPS, sweep
 from .within_frame import STILL
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "Compliance", "Linear", "PathSolver", "PathStep"]

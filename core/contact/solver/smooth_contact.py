@@ -34,7 +34,7 @@ from .path_step import SolvedFrame
 from .point_matrix import GROWTH
 from .point_set import PointSet
 from .posed_records import posed_records
-from .solve import Solution
+from .solution import Solution
 
 # LIFT: height of the lower look above the point [m]. RATIO: that of the upper one over it.
 LIFT, RATIO = 0.3e-3, 6.0

@@ -19,6 +19,8 @@ from ...kernels.library import kernels
 from ...kernels.records import address
 from .cone import carrying
 
+MOST_SWEEPS = 3000  # limit of sweeps, for problems that do not converge
+
 
 class Swept(NamedTuple):
     """Result of the sweeps.

@@ -69,7 +69,7 @@ class Beneath:
         self.feet, self.depths, self.poisson = feet, np.asarray(depths, np.float64), poisson
         inward = -normals
         first = np.cross(np.eye(3)[np.abs(inward).argmin(axis=1)], inward)
-        first /= np.sqrt(_dot(first, first))[:, None]
+        first /= np.sqrt(row_dots(first, first))[:, None]
         self.frames = np.stack([first, np.cross(inward, first), inward], axis=1)
         basis = np.zeros((9, 3, 3))  # stress tensors of unit components
         for n, (i, j) in enumerate(STRESS_PAIRS):
@@ -119,9 +119,9 @@ class Beneath:
         the plane. The depth is the point's own.
         """
         chord = self.feet[probe] - positions
-        x, y = _dot(chord, self.frames[probe, 0]), _dot(chord, self.frames[probe, 1])
+        x, y = row_dots(chord, self.frames[probe, 0]), row_dots(chord, self.frames[probe, 1])
         flat = np.hypot(x, y)
-        stretch = np.sqrt(_dot(chord, chord)) / np.where(flat > 0, flat, 1.0)
+        stretch = np.sqrt(row_dots(chord, chord)) / np.where(flat > 0, flat, 1.0)
         return np.stack([x * stretch, y * stretch, self.depths[probe]], axis=1)
 
 
@@ -177,5 +177,6 @@ def _point_force(place: Array, poisson: float) -> Array:
     return out / (2.0 * np.pi)
 
 
-def _dot(a: Array, b: Array) -> Array:
+def row_dots(a: Array, b: Array) -> Array:
+    """Return the dot products of rows, shape (n,)."""
     return np.einsum("ij,ij->i", a, b)

@@ -21,7 +21,7 @@ from ...parameters.material import FRICTION
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .cone import along
-from .sides import dot, passed_through
+from .sides import passed_through
 
 # A node changes to another body only if that is nearer by more than this [m]. Between two bodies at the same height,
 # rounding then does not decide. It is a step of single precision 8 m from the origin.
@@ -294,8 +294,8 @@ def _gaps_to(
         start = expected.normal[some] @ body.rotation
         through, at, faces, out = passed_through(surface.table, side, here, origins, start)
         nodes, normal[some[through]] = some[through], out @ body.rotation.T
-        clearance[nodes], which[1, nodes] = dot(here[through] - at, out), faces
-        gap[nodes] = clearance[nodes] - dot(places[nodes] - points[nodes], normal[nodes])
+        clearance[nodes], which[1, nodes] = along(here[through] - at, out), faces
+        gap[nodes] = clearance[nodes] - along(places[nodes] - points[nodes], normal[nodes])
     return gap, clearance, normal, which[0], which[1], friction, softness
 
 
@@ -304,7 +304,7 @@ def _asked_gaps(body: ContactBody, index: int, points: Array, search_radius: flo
     answer = body.surface.query((places - body.translation) @ body.rotation, search_radius)
     near, normal = answer.triangle >= 0, answer.normal @ body.rotation.T
     friction, softness = (np.where(near, value, 0.0) for value in (body.friction, body.softness))
-    gap = answer.gap - dot(places - points, normal)  # beyond reach the normal is zero
+    gap = answer.gap - along(places - points, normal)  # beyond reach the normal is zero
     return gap, answer.gap, normal, np.where(near, index, -1).astype(np.int64), answer.triangle, friction, softness
 
 

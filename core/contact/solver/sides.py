@@ -5,8 +5,6 @@ All points and vectors are in the space of this surface.
 
 from __future__ import annotations
 
-import numpy as np
-
 from ...arrays import Array, Indices
 from ...surface.crossing import first_crossing
 from ...surface.triangles import TriangleTable
@@ -37,8 +35,3 @@ def passed_through(
     at = start[through] + share[through, None] * (places[through] - start[through])
     faces = triangle[through]
     return through, at, faces, side * table.bounds[3:6].take(faces, axis=1).T
-
-
-def dot(a: Array, b: Array) -> Array:
-    """Return the dot product of each pair of rows, shape (n,)."""
-    return np.einsum("ij,ij->i", a, b)

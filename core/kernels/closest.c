@@ -42,18 +42,21 @@ static int rises(const double *row, const double *plane) {
     return dermis_most(at, dermis_most(at + dermis_dot(row + AB, plane), at + dermis_dot(row + AC, plane))) > 0.0;
 }
 
-/* Call a function for triangles whose boxes are within a distance of a point, the nearest boxes first.
+/* Call a function for triangles whose boxes are within a distance of a point x [m], the nearest boxes first; return 0
+   without a tree, or if the point is too far away for it.
 
-   place: the point in the tree's units, see `dermis_placed`. square: the squared distance [m^2]. plane: if not null, the
-   function is called only for triangles that rise above it. Inlined into each caller, with its function. */
-static inline __attribute__((always_inline)) void each(const dermis_tree *tree, const dermis_place *place, double square, const double *plane, dermis_visitor *visitor, void *state) {
+   square: the squared distance [m^2]. plane: if not null, the function is called only for triangles that rise above it.
+   Inlined into each caller, with its function. */
+static inline __attribute__((always_inline)) int walk(const dermis_tree *tree, const double *x, double square, const double *plane, dermis_visitor *visitor, void *state) {
     int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES;
     int64_t nodes[64];
     float squares[64], limit = dermis_limit(tree, square);
+    dermis_place place;
     dermis_level level;
     dermis_bits above = {-1, -1, -1, -1};
     int open = 1;
-    if (plane != NULL) dermis_leveled(tree, plane, place, &level);
+    if (tree->packed == NULL || !dermis_placed(tree, x, &place)) return 0;
+    if (plane != NULL) dermis_leveled(tree, plane, &place, &level);
     nodes[0] = 0, squares[0] = 0.0f;
     while (open) {
         int64_t node = nodes[--open];
@@ -61,7 +64,7 @@ static inline __attribute__((always_inline)) void each(const dermis_tree *tree, 
         if (squares[open] > limit) continue;
         if (node < inner) {
             int from = open;
-            dermis_away(tree->boxes + node * DERMIS_BOXES, place, least);
+            dermis_away(tree->boxes + node * DERMIS_BOXES, &place, least);
             if (plane != NULL) above = dermis_above(tree->boxes + node * DERMIS_BOXES, &level);
             for (int k = 0; k < DERMIS_LANES; k++) {
                 if (!(least[k] <= limit) || !above[k]) continue;
@@ -74,18 +77,19 @@ static inline __attribute__((always_inline)) void each(const dermis_tree *tree, 
         }
         int64_t j = node - inner, low = j * blocks >> 2 * tree->depth, high = (j + 1) * blocks >> 2 * tree->depth;
         for (int64_t b = low; b < high; b++) {
-            dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, place, least);
+            dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, &place, least);
             if (plane != NULL) above = dermis_above(tree->boxes + (inner + b) * DERMIS_BOXES, &level);
             for (int k = 0; k < DERMIS_LANES; k++) {
                 int64_t slot = b * DERMIS_LANES + k;
                 const double *row = tree->packed + slot * DERMIS_ROW;
                 if (!(least[k] <= limit) || !above[k] || slot >= tree->count || (plane != NULL && !rises(row, plane))) continue;
                 square = visitor(state, row);
-                if (square < 0.0) return;
+                if (square < 0.0) return 1;
                 limit = dermis_limit(tree, square);
             }
         }
     }
+    return 1;
 }
 
 /* Measure a triangle, and store it if it may be the closest one. */
@@ -190,17 +194,15 @@ static int look_at_all(const dermis_tree *tree, const double *x, double limit, d
 
 int dermis_find_closest(const dermis_tree *tree, const double *x, double limit, int64_t hint, dermis_closest_point *out) {
     double square = limit * limit, u, w;
-    dermis_place place;
-    if (tree->packed == NULL || !dermis_placed(tree, x, &place)) return look_at_all(tree, x, limit, out);
     search found;
     found.x = x, found.bound = square, found.least = __builtin_inf(), found.count = 0, found.lowest.row = NULL;
-    if (hint >= 0 && hint < tree->count)
+    if (tree->packed != NULL && hint >= 0 && hint < tree->count)
         found.bound = dermis_least(found.bound, dermis_on_triangle(tree->packed + hint * DERMIS_ROW, x, &u, &w));
-    each(tree, &place, found.bound, NULL, consider, &found);
+    if (!walk(tree, x, found.bound, NULL, consider, &found)) return look_at_all(tree, x, limit, out);
     if (!(found.least <= square)) return 0;
     const hit *best = &found.lowest;
     if (found.count > TIES)
-        each(tree, &place, found.bound, NULL, consider_number, &found);
+        walk(tree, x, found.bound, NULL, consider_number, &found);
     else
         best = chosen(&found);
     return best != NULL && best->row != NULL && answer(best, (best->row - tree->packed) / DERMIS_ROW, out);
@@ -214,12 +216,8 @@ static int in_plane(const double *row, const double *plane) {
 }
 
 void dermis_visit(const dermis_tree *tree, const double *x, double radius, const double *plane, dermis_visitor *visitor, void *state) {
-    dermis_place place;
     double square = radius * radius;
-    if (tree->packed != NULL && dermis_placed(tree, x, &place)) {
-        each(tree, &place, square, plane, visitor, state);
-        return;
-    }
+    if (walk(tree, x, square, plane, visitor, state)) return;
     for (int64_t j = 0; j < tree->count && square >= 0.0; j++) {
         double row[DERMIS_ROW];
         dermis_gather(tree, tree->order[j], row);
@@ -243,8 +241,5 @@ static double leaves_plane(void *state, const double *row) {
 
 int dermis_only_plane(const dermis_tree *tree, const double *x, double radius, const double *plane) {
     flat_ball ball = {x, plane, radius * radius, 0};
-    dermis_place place;
-    if (tree->packed == NULL || !dermis_placed(tree, x, &place)) return 0;
-    each(tree, &place, ball.square, NULL, leaves_plane, &ball);
-    return !ball.leaves;
+    return walk(tree, x, ball.square, NULL, leaves_plane, &ball) && !ball.leaves;
 }

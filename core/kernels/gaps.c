@@ -36,8 +36,7 @@ DERMIS_NOINLINE static int32_t measure(dermis_gaps *of) {
         if (!dermis_finite(of->places[k]) || !dermis_finite(of->points[k])) return DERMIS_NOT_FINITE;
     }
     of->wrong = -1;
-    for (int k = 0; k < 12; k++)
-        if (!dermis_finite(of->pose[k])) return DERMIS_NOT_FINITE;
+    if (!dermis_all_finite(of->pose, 12)) return DERMIS_NOT_FINITE;
     of->met = local_places(of, normal);
     if (!of->met) return DERMIS_DONE;
     int32_t status = dermis_known_triangles(of->body, &of->wrong);

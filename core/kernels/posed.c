@@ -184,16 +184,10 @@ int dermis_sound_posed(const dermis_posed *posed, int64_t bodies) {
     return 1;
 }
 
-static int finite(const double *values, int64_t count) {
-    for (int64_t k = 0; k < count; k++)
-        if (!dermis_finite(values[k])) return 0;
-    return 1;
-}
-
 int dermis_known_posed(const dermis_posed *posed, int64_t bodies) {
     for (int64_t b = 0; b < bodies; b++) {
         const dermis_posed *one = posed + b;
-        if (!finite(one->rotation, 9) || !finite(one->translation, 3) || !finite(one->plane, 4) || !dermis_finite(one->radius + one->rounding)) return 0;
+        if (!dermis_all_finite(one->rotation, 9) || !dermis_all_finite(one->translation, 3) || !dermis_all_finite(one->plane, 4) || !dermis_finite(one->radius + one->rounding)) return 0;
         if (!(one->friction >= 0.0) || !(one->softness >= 0.0) || !dermis_finite(one->friction + one->softness + one->sharpness + one->tie + one->turn)) return 0;
     }
     return 1;

@@ -9,9 +9,42 @@ from numpy.typing import NDArray
 from core.contact.solver import frame_friction
 from core.contact.solver.cone import SLIP, STICK, along
 from core.contact.solver.grip import GripStep
-from core.contact.solver.solve import Solution
+from core.contact.solver.solution import Solution
+from core.contact.solver.sweeps import MOST_SWEEPS, sweep
 
 Array = NDArray[np.float64]
+
+
+def solve(
+    compliance: Array,
+    offset: Array,
+    friction: Array | float,
+    *,
+    normals: Array | None = None,
+    softness: Array | float = 0.0,
+    start: Array | None = None,
+    tolerance: float = 1e-10,
+) -> Solution:
+    """Solve one contact problem by sweeps over all nodes.
+
+    Args:
+        compliance: C [m/N], shape (3 m, 3 m).
+        offset: relative displacement without force [m], shape (3 m,) or (m, 3).
+        friction: friction coefficient, one number or shape (m,).
+        normals: unit normals from the object into the skin, shape (m, 3). If None, the three rows of each node are
+            (n, t1, t2) in its own frame.
+        softness: compliance of the object's surface at each node [m/N], one number or shape (m,).
+        start: forces to start from [N], shape (m, 3); None for zero.
+        tolerance: residual at which the sweeps end.
+    """
+    b = np.asarray(offset, np.float64).reshape(-1, 3)
+    m = len(b)
+    axes = np.tile([1.0, 0.0, 0.0], (m, 1)) if normals is None else normals
+    mu, soft = (np.array(np.broadcast_to(value, (m,)), np.float64) for value in (friction, softness))
+    first = np.zeros((m, 3)) if start is None else start
+    found = sweep(np.asarray(compliance, np.float64), b, axes, mu, soft, first, tolerance, MOST_SWEEPS)
+    w, status = found.displacement, found.status
+    return Solution(found.force, w, axes, mu, status, found.sweeps, found.residual, tolerance, "sweeps")
 
 
 def at_frame_ends_alone(monkeypatch: pytest.MonkeyPatch) -> None:

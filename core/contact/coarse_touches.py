@@ -15,7 +15,7 @@ from ..errors import Finding
 from ..skin.mesh import TetraMesh
 from .solver.cone import OPEN
 from .solver.notes import Notes
-from .solver.solve import Solution
+from .solver.solution import Solution
 
 # Least number of nodes that must carry a touch, which is the number in a circle with a radius of two spacings. With
 # fewer nodes, the radius of the contact is uncertain by half, and the force grows with the radius or a higher power of

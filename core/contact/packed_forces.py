@@ -151,11 +151,6 @@ class SpreadForces:
         """Shape of the unpacked array."""
         return len(self._points), len(self._nodes.mesh.pad), 3
 
-    @property
-    def nbytes(self) -> int:
-        """Size in memory without the forces on points [bytes]."""
-        return 0
-
     def __array__(self, dtype: DTypeLike = None, copy: bool | None = None) -> NDArray[Any]:
         out = np.zeros(self.shape, np.float32)
         for k in range(len(out)):

@@ -46,8 +46,7 @@ class PairContact:
 class PadContact:
     """Contact of all pads over a whole range.
 
-    Only pairs that come within reach at some sample are stored, in `pairs`. `gap` and `normal` are dense arrays over
-    all fingers and bodies.
+    Only pairs that come within reach at some sample are stored, in `pairs`.
 
     Attributes:
         frames, times: scene frame and time [s] of each sample, shape (n,).
@@ -81,22 +80,6 @@ class PadContact:
     def knots(self) -> Knots:
         """Times of the samples as knots of splines."""
         return Knots(self.times)
-
-    @cached_property
-    def gap(self) -> Array:
-        """Signed distance between pads and bodies [m], shape (F, B, n); inf beyond reach."""
-        dense = np.full((len(self.fingers), len(self.bodies), len(self.times)), np.inf)
-        for (f, b), pair in self.pairs.items():
-            dense[f, b] = pair.gap
-        return dense
-
-    @cached_property
-    def normal(self) -> Array:
-        """Outward normals of bodies at pads in world axes, shape (F, B, n, 3); zero beyond reach."""
-        dense = np.zeros((len(self.fingers), len(self.bodies), len(self.times), 3))
-        for (f, b), pair in self.pairs.items():
-            dense[f, b] = pair.normal
-        return dense
 
     def device_times(self, scene: TactileScene, rate: float) -> Array:
         """Return the times of a device's commands [s]; devices of the same rate [Hz] get the same array."""

@@ -31,9 +31,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..contact.solver.cone import along
 from ..contact.solver.law_skin import LawState
-from ..contact.solver.solve import Solution
-from ..contact.solver.solve import solve as solve_contact
+from ..contact.solver.sweeps import MOST_SWEEPS, Swept, sweep
 from ..errors import DermisError
 from ..kernels import records
 from ..kernels.library import kernels
@@ -59,8 +59,6 @@ class DiscContact:
         friction: Coulomb's coefficient of friction.
 
     Attributes:
-        solved: number of poses that were solved.
-        fallbacks: number of poses for which Newton's method did not converge.
         law: nonlinear law of the skin; None for linear skin.
     """
 
@@ -73,7 +71,6 @@ class DiscContact:
         self.law = None if points.law is None else DiscLaw(points.law, points.modulus, points.nodal)
         self._less: Array | None = None  # the correction c at the points, constant while poses are tried
         self.near: NDArray[np.intp] = np.zeros(0, np.intp)
-        self.solved = self.fallbacks = 0
         self._places, self._gap = self.positions.copy(), np.empty(self.count)
         self._all = np.ones(self.count, bool)
         self._built: Array | None = None
@@ -171,7 +168,6 @@ class DiscContact:
 
         On linear skin there is no correction, and the result is exact.
         """
-        self.solved += 1
         record = self._pressed(pose, *self._told)
         if record.strays or not len(self.near):  # another point has come close: choose the candidates again
             self._take(np.flatnonzero(self._gap < NEAR))
@@ -181,12 +177,11 @@ class DiscContact:
         if not record.touching:
             return DiscSolution(pose, self.near, answer, w, status, 0.0, 0, "none")
         if residual > TOLERANCE:
-            self.fallbacks += 1
             method = "fallback"
             other = self._solved_otherwise(pose, answer[:, :, 0])
             record = self._pressed(pose, other.force[:, :, None], None, steps=1)
             answer, w, status = self._out
-            steps += other.iterations + int(record.steps)
+            steps += other.sweeps + int(record.steps)
             residual = float(record.residual)
             if residual > other.residual:
                 answer[:, :, 0], w, status, residual = other.force, other.displacement, other.status, other.residual
@@ -266,7 +261,6 @@ class DiscContact:
         Returns:
             The contact; None if the search did not solve it.
         """
-        self.solved += search.presses
         if not search.held:
             return None
         answer, moved, status = self._lent
@@ -279,7 +273,7 @@ class DiscContact:
         how = record.residual, record.steps, "newton"
         return DiscSolution(placed, self.near, answer, moved, status, *how, less=self._less)
 
-    def _solved_otherwise(self, pose: DiscPose, start: Array) -> Solution:
+    def _solved_otherwise(self, pose: DiscPose, start: Array) -> Swept:
         """Solve contact by Gauss-Seidel sweeps.
 
         They are slower than Newton's method but more robust.
@@ -290,9 +284,10 @@ class DiscContact:
         """
         b = self._offset if self._less is None else self._offset - self._less[self.near]
         normals = np.tile(pose.normal, (len(b), 1))
-        return solve_contact(
-            self._matrix, b.ravel(), self.friction, normals=normals, start=start, tolerance=FALLBACK_TOLERANCE
-        )
+        friction, rigid = np.full(len(b), self.friction), np.zeros(len(b))
+        if not (along(b, normals) < 0.0).any():
+            start = np.zeros_like(start)  # no forces are needed
+        return sweep(self._matrix, b, normals, friction, rigid, start, FALLBACK_TOLERANCE, MOST_SWEEPS)
 
     def nodal(self, solution: DiscSolution) -> Array:
         """Return the forces on the nodes of the skin's mesh [N], shape (m, 3)."""

@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike
 from ..arrays import Array
 from .linkage import PlatformPose
 
-LATERAL = ("shift x", "shift y", "yaw")  # names of the values of a configuration after the first three
-
 
 class DiscDevice(Protocol):
     """Interface of devices whose poses are searched.

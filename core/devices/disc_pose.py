@@ -170,7 +170,7 @@ class DiscSolution:
         displacement: relative displacement w = C f + b of the candidates [m], shape (s, 3).
         status: OPEN, STICK or SLIP, shape (s,).
         residual: |f - P(f - r w)|, divided by the larger of |f| and |P(f - r w)|, with Coulomb's projection P and the
-            weight r of displacements. For forces of the fallback it is that of `contact.solver.solve.Solution`.
+            weight r of displacements. For forces of the fallback it is that of `contact.solver.sweeps.Swept`.
         iterations: number of Newton steps, plus that of iterations of the fallback.
         method: 'none' (nothing touches), 'newton', or 'fallback' if Newton's method did not converge.
         amounts: correction c of nonlinear skin at the pad nodes [m], see `Stimulus.given`, shape (3 m,); None if the

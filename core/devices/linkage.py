@@ -106,16 +106,6 @@ class Linkage:
             at,
         )
 
-    def leg_margins(self, x: ArrayLike) -> Array:
-        """Return how far each leg is from being stretched or folded, shape (3,).
-
-        The value is 1 minus the absolute cosine of the angle between the crank and the line from the servo to the joint
-        on the platform. It is negative if the leg cannot reach.
-        """
-        legs = self.leg_planes(self.pose(x))
-        distance = np.array([math.hypot(r, h) for r, h, _, _ in legs])
-        return 1.0 - np.abs((self.crank**2 + distance**2 - self.rod**2) / (2 * self.crank * distance))
-
     def servo_angles(self, x: ArrayLike) -> tuple[Array, Array]:
         """Return the servo angles and their derivatives.
 

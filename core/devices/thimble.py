@@ -109,9 +109,7 @@ class Thimble(Linkage):
         Args:
             x: pitch, roll [rad] and distance [m], shape (3,).
         """
-        low, high = self.servo_limits
-        pitch, roll, distance = np.asarray(x, dtype=np.float64).tolist()
-        return self.within(pitch, roll, distance, low.tolist(), high.tolist())
+        return self.holds(np.asarray(x, dtype=np.float64), *self.servo_limits)
 
     def holds(self, x: Array, low: Array, high: Array) -> bool:
         """Return whether a configuration is allowed by other servo limits.
@@ -121,20 +119,13 @@ class Thimble(Linkage):
             low, high: limits of the servos' angles from neutral [rad], shape (3,) each.
         """
         pitch, roll, distance = x.tolist()
-        return self.within(pitch, roll, distance, low.tolist(), high.tolist())
-
-    def within(self, pitch: float, roll: float, distance: float, low: list[float], high: list[float]) -> bool:
-        """Return the result of `holds` for Python floats.
-
-        Tilt and limits are in rad, the distance is in m.
-        """
         if not (abs(pitch) < QUARTER and abs(roll) < QUARTER):
             return False
         try:
             angles, margin = inverse_kinematics(self, pitch, roll, distance)
         except DermisError:
             return False
-        return min([*map(sub, high, angles), *map(sub, angles, low), margin - MIN_MARGIN]) >= 0.0
+        return min([*map(sub, high.tolist(), angles), *map(sub, angles, low.tolist()), margin - MIN_MARGIN]) >= 0.0
 
     def forward(self, angles: ArrayLike, start: ArrayLike) -> Array:
         """Return the configuration for given servo angles, see `configuration`.
@@ -150,14 +141,6 @@ class Thimble(Linkage):
             DermisError: no such configuration was found.
         """
         return configuration(self, np.asarray(angles, dtype=np.float64) + self.servo_zero, start)
-
-    def pulse_width(self, angles: ArrayLike) -> Array:
-        """Return the pulse widths of the servos [s].
-
-        Args:
-            angles: servo angles of the linkage [rad], which are `servo_zero` at neutral, not 0.
-        """
-        return self.pulse_neutral + self.pulse_gain * (np.asarray(angles, dtype=np.float64) - self.servo_zero)
 
     def in_finger(self, pose: PlatformPose) -> Array:
         """Return a pose of the platform in the finger's frame, shape (4, 4).

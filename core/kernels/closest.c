@@ -27,45 +27,36 @@ typedef struct {
 } hit;
 
 typedef struct {
+    const double *x; /* the point [m] */
     double bound; /* upper bound of the closest triangle's squared distance, from the limit, the hint and `least`
                      [m^2] */
     double least; /* squared distance of the closest triangle so far [m^2] */
     int count;    /* number of ties; TIES + 1 if not all of them are stored */
     hit ties[TIES]; /* triangles that may be equally close */
+    hit lowest;     /* out of a second search: of the triangles as close as `least`, the one with the lowest number */
 } search;
 
-/* Measure a triangle, and store it if it may be the closest one. */
-static inline void consider(search *found, const double *row, const double *x) {
-    hit own = {0.0, 0.0, 0.0, row};
-    own.square = dermis_on_triangle(row, x, &own.u, &own.w);
-    if (!(own.square <= found->bound * (1.0 + TIE))) return;
-    if (own.square < found->least) {
-        if (own.square * (1.0 + TIE) < found->least) found->count = 0; /* the stored triangles are all farther */
-        found->least = own.square;
-        found->bound = dermis_least(found->bound, own.square);
-    }
-    if (found->count < TIES)
-        found->ties[found->count++] = own;
-    else
-        found->count = TIES + 1;
+/* Whether a triangle rises above a plane. */
+static int rises(const double *row, const double *plane) {
+    double at = dermis_dot(row, plane) - plane[3];
+    return dermis_most(at, dermis_most(at + dermis_dot(row + AB, plane), at + dermis_dot(row + AC, plane))) > 0.0;
 }
 
-/* Replace `lowest` by a triangle if this is as close as the closest one and has a lower number. */
-static inline void consider_number(const search *found, const double *row, const double *x, hit *lowest) {
-    hit own = {0.0, 0.0, 0.0, row};
-    own.square = dermis_on_triangle(row, x, &own.u, &own.w);
-    if (own.square <= found->least * (1.0 + TIE) && (lowest->row == NULL || row[NUMBER] < lowest->row[NUMBER])) *lowest = own;
-}
+/* Call a function for triangles whose boxes are within a distance of a point x [m], the nearest boxes first; return 0
+   without a tree, or if the point is too far away for it.
 
-/* Measure all triangles of a tree that may be the closest one.
-
-   place: the point in the tree's units, see `dermis_placed`. lowest: null in the first search, which fills `found`. In
-   the second search, out: of the triangles as close as `found->least`, the one with the lowest number. */
-static void descend(const dermis_tree *tree, const double *x, const dermis_place *place, search *found, hit *lowest) {
+   square: the squared distance [m^2]. plane: if not null, the function is called only for triangles that rise above it.
+   Inlined into each caller, with its function. */
+static inline __attribute__((always_inline)) int walk(const dermis_tree *tree, const double *x, double square, const double *plane, dermis_visitor *visitor, void *state) {
     int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES;
     int64_t nodes[64];
-    float squares[64], limit = dermis_limit(tree, found->bound);
+    float squares[64], limit = dermis_limit(tree, square);
+    dermis_place place;
+    dermis_level level;
+    dermis_bits above = {-1, -1, -1, -1};
     int open = 1;
+    if (tree->packed == NULL || !dermis_placed(tree, x, &place)) return 0;
+    if (plane != NULL) dermis_leveled(tree, plane, &place, &level);
     nodes[0] = 0, squares[0] = 0.0f;
     while (open) {
         int64_t node = nodes[--open];
@@ -73,9 +64,10 @@ static void descend(const dermis_tree *tree, const double *x, const dermis_place
         if (squares[open] > limit) continue;
         if (node < inner) {
             int from = open;
-            dermis_away(tree->boxes + node * DERMIS_BOXES, place, least);
+            dermis_away(tree->boxes + node * DERMIS_BOXES, &place, least);
+            if (plane != NULL) above = dermis_above(tree->boxes + node * DERMIS_BOXES, &level);
             for (int k = 0; k < DERMIS_LANES; k++) {
-                if (!(least[k] <= limit)) continue;
+                if (!(least[k] <= limit) || !above[k]) continue;
                 int at = open++;
                 for (; at > from && squares[at - 1] < least[k]; at--) nodes[at] = nodes[at - 1], squares[at] = squares[at - 1];
                 nodes[at] = 4 * node + 1 + k, squares[at] = least[k]; /* sorted: the nearest box is last, and taken
@@ -85,20 +77,46 @@ static void descend(const dermis_tree *tree, const double *x, const dermis_place
         }
         int64_t j = node - inner, low = j * blocks >> 2 * tree->depth, high = (j + 1) * blocks >> 2 * tree->depth;
         for (int64_t b = low; b < high; b++) {
-            dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, place, least);
+            dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, &place, least);
+            if (plane != NULL) above = dermis_above(tree->boxes + (inner + b) * DERMIS_BOXES, &level);
             for (int k = 0; k < DERMIS_LANES; k++) {
                 int64_t slot = b * DERMIS_LANES + k;
-                if (!(least[k] <= limit) || slot >= tree->count) continue;
                 const double *row = tree->packed + slot * DERMIS_ROW;
-                if (lowest == NULL) {
-                    consider(found, row, x);
-                    limit = dermis_limit(tree, found->bound);
-                } else {
-                    consider_number(found, row, x, lowest);
-                }
+                if (!(least[k] <= limit) || !above[k] || slot >= tree->count || (plane != NULL && !rises(row, plane))) continue;
+                square = visitor(state, row);
+                if (square < 0.0) return 1;
+                limit = dermis_limit(tree, square);
             }
         }
     }
+    return 1;
+}
+
+/* Measure a triangle, and store it if it may be the closest one. */
+static double consider(void *state, const double *row) {
+    search *found = state;
+    hit own = {0.0, 0.0, 0.0, row};
+    own.square = dermis_on_triangle(row, found->x, &own.u, &own.w);
+    if (!(own.square <= found->bound * (1.0 + TIE))) return found->bound;
+    if (own.square < found->least) {
+        if (own.square * (1.0 + TIE) < found->least) found->count = 0; /* the stored triangles are all farther */
+        found->least = own.square;
+        found->bound = dermis_least(found->bound, own.square);
+    }
+    if (found->count < TIES)
+        found->ties[found->count++] = own;
+    else
+        found->count = TIES + 1;
+    return found->bound;
+}
+
+/* Replace `lowest` by a triangle if this is as close as the closest one and has a lower number. */
+static double consider_number(void *state, const double *row) {
+    search *found = state;
+    hit own = {0.0, 0.0, 0.0, row};
+    own.square = dermis_on_triangle(row, found->x, &own.u, &own.w);
+    if (own.square <= found->least * (1.0 + TIE) && (found->lowest.row == NULL || row[NUMBER] < found->lowest.row[NUMBER])) found->lowest = own;
+    return found->bound;
 }
 
 /* Return the stored triangle with the lowest number among those as close as the closest one; null if there is none. */
@@ -176,18 +194,15 @@ static int look_at_all(const dermis_tree *tree, const double *x, double limit, d
 
 int dermis_find_closest(const dermis_tree *tree, const double *x, double limit, int64_t hint, dermis_closest_point *out) {
     double square = limit * limit, u, w;
-    dermis_place place;
-    if (tree->packed == NULL || !dermis_placed(tree, x, &place)) return look_at_all(tree, x, limit, out);
     search found;
-    found.bound = square, found.least = __builtin_inf(), found.count = 0;
-    if (hint >= 0 && hint < tree->count)
+    found.x = x, found.bound = square, found.least = __builtin_inf(), found.count = 0, found.lowest.row = NULL;
+    if (tree->packed != NULL && hint >= 0 && hint < tree->count)
         found.bound = dermis_least(found.bound, dermis_on_triangle(tree->packed + hint * DERMIS_ROW, x, &u, &w));
-    descend(tree, x, &place, &found, NULL);
+    if (!walk(tree, x, found.bound, NULL, consider, &found)) return look_at_all(tree, x, limit, out);
     if (!(found.least <= square)) return 0;
-    hit lowest = {0.0, 0.0, 0.0, NULL};
-    const hit *best = &lowest;
+    const hit *best = &found.lowest;
     if (found.count > TIES)
-        descend(tree, x, &place, &found, &lowest);
+        walk(tree, x, found.bound, NULL, consider_number, &found);
     else
         best = chosen(&found);
     return best != NULL && best->row != NULL && answer(best, (best->row - tree->packed) / DERMIS_ROW, out);
@@ -200,87 +215,31 @@ static int in_plane(const double *row, const double *plane) {
     return dermis_most(dermis_most(dermis_abs(at), dermis_abs(b)), dermis_abs(c)) <= IN_PLANE && dermis_dot(facing, plane) > 0.0;
 }
 
-/* Whether a triangle rises above a plane. */
-static int rises(const double *row, const double *plane) {
-    double at = dermis_dot(row, plane) - plane[3];
-    return dermis_most(at, dermis_most(at + dermis_dot(row + AB, plane), at + dermis_dot(row + AC, plane))) > 0.0;
-}
-
-/* Call a function for triangles whose boxes are within a radius [m], the nearest boxes first.
-
-   plane: if not null, only for triangles that rise above it. */
-static inline void each(const dermis_tree *tree, const dermis_place *place, double radius, const double *plane, dermis_visitor *visitor, void *state) {
-    int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES;
-    int64_t nodes[64];
-    float squares[64], limit = dermis_limit(tree, radius * radius);
-    dermis_level level;
-    dermis_bits above = {-1, -1, -1, -1};
-    int open = 1;
-    if (plane != NULL) dermis_leveled(tree, plane, place, &level);
-    nodes[0] = 0, squares[0] = 0.0f;
-    while (open) {
-        int64_t node = nodes[--open];
-        float least[DERMIS_LANES];
-        if (squares[open] > limit) continue;
-        if (node < inner) {
-            int from = open;
-            dermis_away(tree->boxes + node * DERMIS_BOXES, place, least);
-            if (plane != NULL) above = dermis_above(tree->boxes + node * DERMIS_BOXES, &level);
-            for (int k = 0; k < DERMIS_LANES; k++) {
-                if (!(least[k] <= limit) || !above[k]) continue;
-                int at = open++;
-                for (; at > from && squares[at - 1] < least[k]; at--) nodes[at] = nodes[at - 1], squares[at] = squares[at - 1];
-                nodes[at] = 4 * node + 1 + k, squares[at] = least[k];
-            }
-            continue;
-        }
-        int64_t j = node - inner, low = j * blocks >> 2 * tree->depth, high = (j + 1) * blocks >> 2 * tree->depth;
-        for (int64_t b = low; b < high; b++) {
-            dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, place, least);
-            if (plane != NULL) above = dermis_above(tree->boxes + (inner + b) * DERMIS_BOXES, &level);
-            for (int k = 0; k < DERMIS_LANES; k++) {
-                int64_t slot = b * DERMIS_LANES + k;
-                const double *row = tree->packed + slot * DERMIS_ROW;
-                if (!(least[k] <= limit) || !above[k] || slot >= tree->count || (plane != NULL && !rises(row, plane))) continue;
-                radius = visitor(state, row);
-                if (radius < 0.0) return;
-                limit = dermis_limit(tree, radius * radius);
-            }
-        }
-    }
-}
-
 void dermis_visit(const dermis_tree *tree, const double *x, double radius, const double *plane, dermis_visitor *visitor, void *state) {
-    dermis_place place;
-    if (tree->packed != NULL && dermis_placed(tree, x, &place)) {
-        each(tree, &place, radius, plane, visitor, state);
-        return;
-    }
-    for (int64_t j = 0; j < tree->count && radius >= 0.0; j++) {
+    double square = radius * radius;
+    if (walk(tree, x, square, plane, visitor, state)) return;
+    for (int64_t j = 0; j < tree->count && square >= 0.0; j++) {
         double row[DERMIS_ROW];
         dermis_gather(tree, tree->order[j], row);
-        if (rises(row, plane)) radius = visitor(state, row);
+        if (rises(row, plane)) square = visitor(state, row);
     }
 }
 
 /* A ball, and the plane in which all triangles within it should lie. */
 typedef struct {
     const double *x, *plane;
-    double radius;
+    double square; /* of the radius [m^2] */
     int leaves; /* out: 1 if a triangle does not */
 } flat_ball;
 
 static double leaves_plane(void *state, const double *row) {
     flat_ball *ball = state;
     double u, w;
-    ball->leaves = !in_plane(row, ball->plane) && dermis_on_triangle(row, ball->x, &u, &w) <= ball->radius * ball->radius;
-    return ball->leaves ? -1.0 : ball->radius;
+    ball->leaves = !in_plane(row, ball->plane) && dermis_on_triangle(row, ball->x, &u, &w) <= ball->square;
+    return ball->leaves ? -1.0 : ball->square;
 }
 
 int dermis_only_plane(const dermis_tree *tree, const double *x, double radius, const double *plane) {
-    flat_ball ball = {x, plane, radius, 0};
-    dermis_place place;
-    if (tree->packed == NULL || !dermis_placed(tree, x, &place)) return 0;
-    each(tree, &place, radius, NULL, leaves_plane, &ball);
-    return !ball.leaves;
+    flat_ball ball = {x, plane, radius * radius, 0};
+    return walk(tree, x, ball.square, NULL, leaves_plane, &ball) && !ball.leaves;
 }

@@ -18,8 +18,8 @@ typedef struct {
    affects only the run time. */
 int dermis_find_closest(const dermis_tree *tree, const double *x, double limit, int64_t hint, dermis_closest_point *out);
 
-/* Function that is called with the row of a triangle, see triangle.h. It returns the radius of the rest of the search
-   [m], which may only fall, or a negative number to end it. */
+/* Function that is called with the row of a triangle, see triangle.h. It returns the squared radius of the rest of
+   the search [m^2], which may only fall, or a negative number to end it. */
 typedef double dermis_visitor(void *state, const double *row);
 
 /* Call a function for all triangles within a radius [m] of a point x [m] that rise above a plane, and some that are

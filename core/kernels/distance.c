@@ -28,10 +28,6 @@
    to less. */
 #define HOLLOW 1e-3
 
-/* Dot product in the order in which NumPy's einsum sums. Earlier versions used einsum; the results are still the same
-   bits. */
-static inline double dot(const double *a, const double *b) { return a[0] * b[0] + a[2] * b[2] + a[1] * b[1]; }
-
 /* Add the unit normals of faces, weighted by the faces' angles, to the sums of their vertices.
 
    vertex: the only vertex whose sum is wanted, or -1 for all. out: the sum (3), or those of all vertices (vertices,
@@ -79,11 +75,11 @@ static void measure(const dermis_body *body, const double *x, const dermis_close
     double offset[3], pseudo[3], sign;
     int kind = pseudonormal(body, found, pseudo);
     for (int k = 0; k < 3; k++) offset[k] = x[k] - found->point[k];
-    double distance = dermis_root(dot(offset, offset)), along = dot(offset, pseudo);
+    double distance = dermis_root(dermis_einsum(offset, offset)), along = dermis_einsum(offset, pseudo);
     sign = along < 0.0 ? -1.0 : 1.0;
     out->beside = 0;
     if (kind == DERMIS_BOUNDARY) {
-        double height = along / dermis_most(dermis_root(dot(pseudo, pseudo)), 1e-300);
+        double height = along / dermis_most(dermis_root(dermis_einsum(pseudo, pseudo)), 1e-300);
         double aside = dermis_root(dermis_most(distance * distance - height * height, 0.0));
         out->beside = aside > STRAIGHT * distance;
         if (out->beside) sign = 1.0;
@@ -93,7 +89,7 @@ static void measure(const dermis_body *body, const double *x, const dermis_close
     }
     out->gap = sign * distance;
     if (distance <= ON_SURFACE) {
-        double length = dermis_root(dot(pseudo, pseudo));
+        double length = dermis_root(dermis_einsum(pseudo, pseudo));
         if (!(length > NO_LENGTH)) dermis_facing(found->row, pseudo), length = 1.0;
         for (int k = 0; k < 3; k++) out->normal[k] = pseudo[k] / length;
     } else {
@@ -239,7 +235,7 @@ DERMIS_NOINLINE static int32_t distances(dermis_query *query) {
         const double *x = query->points + 3 * i;
         dermis_distance found;
         query->wrong = i;
-        if (!(dermis_finite(x[0]) && dermis_finite(x[1]) && dermis_finite(x[2]))) return DERMIS_NOT_FINITE;
+        if (!dermis_all_finite(x, 3)) return DERMIS_NOT_FINITE;
         dermis_signed_distance(query->body, x, query->limit, slot, &found);
         int met = found.triangle >= 0;
         if (met) slot = found.slot;

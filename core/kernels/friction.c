@@ -45,12 +45,6 @@ static double grown_less(double x) {
     return sum;
 }
 
-static int all_finite(const double *values, int64_t count) {
-    for (int64_t k = 0; k < count; k++)
-        if (!dermis_finite(values[k])) return 0;
-    return 1;
-}
-
 /* Whether the record has possible counts, and every anchor a body that there is. */
 static int sound(const dermis_friction *of) {
     if (of->count < 0 || of->bodies < 0 || of->shifted < 0 || of->shifted > of->count || of->entered < 0 || of->entered > of->count) return 0;
@@ -100,7 +94,7 @@ static void drift_ahead(const dermis_friction *of, double *ahead) {
 
 DERMIS_NOINLINE static int32_t expect(dermis_friction *of) {
     double ahead[3] = {0.0, 0.0, 0.0};
-    if (!all_finite(of->poses, DERMIS_POSE * of->bodies) || !all_finite(of->image, 3 * of->count)) return DERMIS_NOT_FINITE;
+    if (!dermis_all_finite(of->poses, DERMIS_POSE * of->bodies) || !dermis_all_finite(of->image, 3 * of->count)) return DERMIS_NOT_FINITE;
     for (int64_t i = 0; i < of->count; i++) {
         double *anchor = of->anchors + 3 * i, *normal = of->normals + 3 * i, own[3];
         if (of->owner[i] < 0) {
@@ -151,7 +145,7 @@ static double foreseen_slip(const dermis_friction *of, int64_t i, const double *
 
 DERMIS_NOINLINE static int32_t foresee(dermis_friction *of) {
     double total = 0.0;
-    if (!all_finite(of->force, 3 * of->count) || !all_finite(of->image, 3 * of->count)) return DERMIS_NOT_FINITE;
+    if (!dermis_all_finite(of->force, 3 * of->count) || !dermis_all_finite(of->image, 3 * of->count)) return DERMIS_NOT_FINITE;
     of->shifted = 0;
     for (int k = 0; k < 3; k++) of->passed[k] = 0.0;
     for (int64_t i = 0; i < of->count; i++) {
@@ -199,7 +193,7 @@ static void anchor_at(dermis_friction *of, int64_t i, const double *position) {
 }
 
 DERMIS_NOINLINE static int32_t keep(dermis_friction *of) {
-    if (!all_finite(of->force, 3 * of->count) || !all_finite(of->image, 3 * of->count) || !all_finite(of->moved, 3 * of->count)) return DERMIS_NOT_FINITE;
+    if (!dermis_all_finite(of->force, 3 * of->count) || !dermis_all_finite(of->image, 3 * of->count) || !dermis_all_finite(of->moved, 3 * of->count)) return DERMIS_NOT_FINITE;
     of->slides = of->entered > 0;
     for (int64_t i = 0; i < of->count; i++) {
         const double *normal = of->facing + 3 * i, *w = of->moved + 3 * i;
@@ -250,9 +244,6 @@ DERMIS_NOINLINE static int32_t drift(dermis_friction *of) {
     return DERMIS_DONE;
 }
 
-/* The scalar product, with the sum in NumPy's order. */
-static double product(const double *a, const double *b) { return a[0] * b[0] + a[2] * b[2] + a[1] * b[1]; }
-
 /* Shift the slip of nodes that came into contact back to where their path crosses the surface. */
 DERMIS_NOINLINE static int32_t arrive(dermis_arrivals *of) {
     of->entered = 0;
@@ -264,9 +255,9 @@ DERMIS_NOINLINE static int32_t arrive(dermis_arrivals *of) {
             const float *row = of->compliance + (3 * i + a) * of->stride + 3 * i;
             double own[3] = {row[0], row[1], row[2]};
             own[a] += of->soft[i];
-            free[a] = of->moved[3 * i + a] - product(own, force);
+            free[a] = of->moved[3 * i + a] - dermis_einsum(own, force);
         }
-        double along = product(free, normal), beneath = dermis_most(-along, 0.0), share = of->gap[i] / dermis_most(of->gap[i] + beneath, TINY);
+        double along = dermis_einsum(free, normal), beneath = dermis_most(-along, 0.0), share = of->gap[i] / dermis_most(of->gap[i] + beneath, TINY);
         for (int k = 0; k < 3; k++) crossing[k] = -share * (free[k] - along * normal[k]);
         of->entering[of->entered++] = i;
     }

@@ -110,19 +110,13 @@ DERMIS_NOINLINE static int32_t press(dermis_pieces *of) {
             double one[9];
             between(of->field, i, of->source, j, of->poisson, one);
             for (int a = 0; a < 3; a++)
-                for (int b = 0; b < 3; b++) {
-                    int64_t at = ((3 * i + a) * of->source->count + j) * 3 + b;
-                    if (of->single)
-                        ((float *)of->out)[at] = (float)one[3 * a + b];
-                    else
-                        ((double *)of->out)[at] = one[3 * a + b];
-                }
+                for (int b = 0; b < 3; b++) of->out[((3 * i + a) * of->source->count + j) * 3 + b] = one[3 * a + b];
         }
     return DERMIS_DONE;
 }
 
 static int sound(const dermis_pieces *of) {
-    return of->field != NULL && of->source != NULL && of->field->count >= 0 && of->source->count >= 0 && (of->single == 0 || of->single == 1);
+    return of->field != NULL && of->source != NULL && of->field->count >= 0 && of->source->count >= 0;
 }
 
 DERMIS_FUNCTION(dermis_press_pieces, dermis_pieces, sound, press)

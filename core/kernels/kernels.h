@@ -160,6 +160,8 @@ typedef struct {
     double softness;         /* compliance of the body's own surface [m/Pa] */
     double side;             /* factor on gap and normal: 1, or -1 if the finger is behind the faces of an open sheet */
     double sharpness;        /* share of the largest lift at which points look, see touch.c */
+    double tie, turn;        /* faces of two bodies coincide for a point if its gaps to them differ by less than `tie` [m] and
+                                their normals turn by less than `turn` [rad] */
 } dermis_posed;
 
 /* Points of smooth skin, the bodies near them, and contact between both; see `touch.c`. */
@@ -288,8 +290,7 @@ typedef struct {
 typedef struct {
     const dermis_patches *field, *source; /* pieces whose displacement is computed, and pieces that carry forces */
     double poisson;                       /* Poisson's ratio */
-    int64_t single;                       /* 1: the results are floats; 0: doubles */
-    void *out;                            /* displacement for E = 1 (field, 3, source, 3) [1/m] */
+    double *out;                          /* displacement for E = 1 (field, 3, source, 3) [1/m] */
 } dermis_pieces;
 
 /* A touched skin that is drawn, see `drawn.c`. The nodes are those of the tissue's mesh on its surface. */
@@ -464,7 +465,7 @@ typedef struct {
 } dermis_thimble;
 
 /* Why a search ended. OUTSIDE: it did not begin, since its start is outside the limits. See
-   core/matching/gauss_newton.py for all others. */
+   core/matching/minimum.py for all others. */
 enum {
     DERMIS_LIMIT = 0,
     DERMIS_OPTIMAL = 1,
@@ -486,7 +487,7 @@ typedef struct {
     int64_t size;            /* number k of components of a stimulus */
     const double *observation; /* stimulus for unit forces on the points of the disc's contact (points, 3, k) */
     double optimal, small_step, exact, small_gain, hardly, later, least_reach, nearly, shortest, longest, armijo, damping;
-                             /* see core/matching/gauss_newton.py */
+                             /* see core/matching/minimum.py */
     int64_t most_steps, most_evaluations;
     const double *target;    /* (k) */
     double low[3], high[3];  /* least and greatest angles of the servos from neutral [rad] */
@@ -519,9 +520,8 @@ typedef struct {
     double angles[3];        /* out: of the servos at `x`, from neutral [rad] */
     double trial_angles[3];
     double reach;            /* share of a full step that minimises the cost, as the last step tells; in: of an earlier search */
-    double start_cost, cost, kkt; /* out, see core/matching/gauss_newton.py */
+    double start_cost, cost, kkt; /* out, see core/matching/minimum.py */
     int64_t iterations, evaluations; /* out: numbers of steps and of evaluations */
-    int64_t presses;         /* out: number of evaluations by the disc's contact */
     int64_t why;             /* out: why the search ended */
     double gram[16], way[3], length, descent, share, goal; /* of the step that is tried */
 } dermis_search;

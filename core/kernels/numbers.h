@@ -12,6 +12,13 @@ static inline double dermis_abs(double x) { return __builtin_fabs(x); }
 
 static inline int dermis_finite(double x) { return dermis_abs(x) <= DBL_MAX; }
 
+/* Whether all of some numbers are finite. */
+static inline int dermis_all_finite(const double *values, int64_t count) {
+    for (int64_t k = 0; k < count; k++)
+        if (!dermis_finite(values[k])) return 0;
+    return 1;
+}
+
 static inline double dermis_least(double a, double b) { return a < b ? a : b; }
 
 static inline double dermis_most(double a, double b) { return a > b ? a : b; }
@@ -19,6 +26,9 @@ static inline double dermis_most(double a, double b) { return a > b ? a : b; }
 static inline double dermis_clamped(double t) { return t < 0.0 ? 0.0 : t > 1.0 ? 1.0 : t; }
 
 static inline double dermis_dot(const double *a, const double *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+/* The same, summed in the order of NumPy's einsum. Earlier versions used einsum; the results are still the same bits. */
+static inline double dermis_einsum(const double *a, const double *b) { return a[0] * b[0] + a[2] * b[2] + a[1] * b[1]; }
 
 static inline void dermis_cross(const double *a, const double *b, double *out) {
     out[0] = a[1] * b[2] - a[2] * b[1];

@@ -17,11 +17,6 @@
 #define LOW 1e-6
 /* A second face that is at the end of the kink's width up to this does not count, for rounding [m]. */
 #define ROUNDING 1e-10
-/* TIE: two faces coincide for a point if its gaps to them differ by less than this [m], single precision some metres
-   from the origin, as TIE in `bodies.py`; and if their normals turn by less than TURN [rad]: over a finest cell of
-   0.1 mm, a larger turn takes them farther apart than TIE. */
-#define TIE 1e-6
-#define TURN 0.01
 
 /* Convert a point from the frame of the skin to that of a body. */
 static void localised(const dermis_posed *posed, const double *x, double *local) {
@@ -63,11 +58,11 @@ static int64_t measure(const dermis_posed *posed, const double *x, double limit,
     return triangle;
 }
 
-/* Whether two unit normals turn by less than TURN. */
-static int parallel(const double *one, const double *other) {
+/* Whether two unit normals turn by less than an angle [rad]. */
+static int parallel(const double *one, const double *other, double turn) {
     double apart[3];
     for (int k = 0; k < 3; k++) apart[k] = one[k] - other[k];
-    return dermis_dot(apart, apart) < TURN * TURN;
+    return dermis_dot(apart, apart) < turn * turn;
 }
 
 void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, double behind, const double *x, const double *inward, dermis_sight *sight) {
@@ -91,7 +86,7 @@ void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, double
             gap -= ABOVE * dermis_dot(out, inward);
         }
         if (gap >= best) continue;
-        if (sight->body >= 0 && gap > best - TIE && parallel(out, sight->normal)) {
+        if (sight->body >= 0 && gap > best - one->tie && parallel(out, sight->normal, one->turn)) {
             best = sight->gap = gap;
             continue;
         }
@@ -127,11 +122,13 @@ static double reach_of_kink(const kink *at) { return at->gap + at->width - 2.0 *
 static double reduce_by_triangle(void *state, const double *row) {
     kink *at = state;
     double u, w, normal[3], facing[3], distance = dermis_root(dermis_on_triangle(row, at->x, &u, &w));
-    if (distance >= at->gap + at->width || !(distance > 0.0)) return reach_of_kink(at);
-    for (int k = 0; k < 3; k++) normal[k] = (at->x[k] - row[k] - u * row[AB + k] - w * row[AC + k]) / distance;
-    dermis_cross(row + AB, row + AC, facing);
-    if (at->side * dermis_dot(facing, normal) > 0.0) reduce(at, distance, normal);
-    return reach_of_kink(at);
+    if (distance < at->gap + at->width && distance > 0.0) {
+        for (int k = 0; k < 3; k++) normal[k] = (at->x[k] - row[k] - u * row[AB + k] - w * row[AC + k]) / distance;
+        dermis_cross(row + AB, row + AC, facing);
+        if (at->side * dermis_dot(facing, normal) > 0.0) reduce(at, distance, normal);
+    }
+    double reach = reach_of_kink(at);
+    return reach < 0.0 ? reach : reach * reach;
 }
 
 /* Whether two faces of a body may be equally close to a point outside. */
@@ -187,17 +184,11 @@ int dermis_sound_posed(const dermis_posed *posed, int64_t bodies) {
     return 1;
 }
 
-static int finite(const double *values, int64_t count) {
-    for (int64_t k = 0; k < count; k++)
-        if (!dermis_finite(values[k])) return 0;
-    return 1;
-}
-
 int dermis_known_posed(const dermis_posed *posed, int64_t bodies) {
     for (int64_t b = 0; b < bodies; b++) {
         const dermis_posed *one = posed + b;
-        if (!finite(one->rotation, 9) || !finite(one->translation, 3) || !finite(one->plane, 4) || !dermis_finite(one->radius + one->rounding)) return 0;
-        if (!(one->friction >= 0.0) || !(one->softness >= 0.0) || !dermis_finite(one->friction + one->softness + one->sharpness)) return 0;
+        if (!dermis_all_finite(one->rotation, 9) || !dermis_all_finite(one->translation, 3) || !dermis_all_finite(one->plane, 4) || !dermis_finite(one->radius + one->rounding)) return 0;
+        if (!(one->friction >= 0.0) || !(one->softness >= 0.0) || !dermis_finite(one->friction + one->softness + one->sharpness + one->tie + one->turn)) return 0;
     }
     return 1;
 }

@@ -42,7 +42,6 @@ static int pressed(dermis_search *s) {
         for (int j = 0; j < 4; j++)
             for (int64_t k = 0; k < s->size; k++) s->trial_values[j * s->size + k] += force[j] * row[k];
     }
-    s->presses++;
     if (!disc->touching) return 1;
     for (int64_t k = 0; k < 12 * disc->count; k++) s->answer[k] = disc->answer[k];
     for (int64_t k = 0; k < 3 * disc->count; k++) s->moved[k] = disc->moved[k];
@@ -308,7 +307,7 @@ DERMIS_NOINLINE static int32_t descend(dermis_search *s) {
     double gram[16];
     int given = s->phase != BEGINS, on = 1;
     if (!given) {
-        s->iterations = s->evaluations = s->presses = s->own = s->held = s->actives = 0, s->why = DERMIS_OUTSIDE, s->goal = 0.0;
+        s->iterations = s->evaluations = s->own = s->held = s->actives = 0, s->why = DERMIS_OUTSIDE, s->goal = 0.0;
         for (int64_t k = 0; k < s->size; k++) s->goal += s->target[k] * s->target[k];
         s->goal *= s->exact * s->exact;
         if (!began(s)) return DERMIS_DONE;

@@ -127,8 +127,7 @@ static int known(dermis_contact *contact) {
         const double *given[] = {contact->offset + 3 * i, contact->normals + 3 * i, contact->force + 3 * i};
         contact->wrong = i;
         for (int a = 0; a < 3; a++)
-            for (int k = 0; k < 3; k++)
-                if (!dermis_finite(given[a][k])) return 0;
+            if (!dermis_all_finite(given[a], 3)) return 0;
         if (!(contact->friction[i] >= 0.0 && dermis_finite(contact->friction[i]))) return 0;
         if (!(contact->softness[i] >= 0.0 && dermis_finite(contact->softness[i]))) return 0;
     }

@@ -19,7 +19,7 @@ from ..devices.disc_pose import placed
 from ..skin.model import SkinModel
 from ..skin.stimulus import Stimulus
 from .descent import Descent
-from .gauss_newton import Minimum, ServoLimits
+from .minimum import Minimum, ServoLimits
 
 # Weight of the previous configuration relative to the contact. It decides tilts that a contact along a line leaves
 # open.

@@ -9,36 +9,36 @@ Source: [S0] 5.2; Marquardt 1963 for the damping
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..arrays import Array
 from ..devices.disc_device import DiscDevice, scale_of
 from ..errors import DermisError
 from .bounded_lsq import BoundedLeastSquares
-from .gauss_newton import (
+from .minimum import (
     ARMIJO,
     EXACT,
     GIVES_WAY,
     HARDLY,
+    LEAST_REACH,
     LONGEST,
     MAX_EVALUATIONS,
     MAX_ITERATIONS,
     NEARLY,
     OPTIMAL,
-    RESTORING,
     SHORTEST,
     SMALL_GAIN,
     SMALL_STEP,
     Evaluate,
     Minimum,
     ServoLimits,
-    promised,
-    reach_of,
-    shorter,
 )
 
 MARQUARDT = 1e-3  # damping of each value, as a share of its own curvature
 LEAST = 1e-7  # damping of all values, as a share of the largest curvature, for values that a touch does not determine
+RESTORING = 4  # attempts to bring a point back within the limits
 INSIDE = 1e-12  # distance from a limit at which a joint is put back, as a share of its range
 
 
@@ -110,7 +110,7 @@ def descend_in_box(
                 evaluations += 1
                 new_residual = new_stimulus - target
                 new_cost = 0.5 * float(new_residual @ new_residual)
-                reach = reach_of(share, cost, new_cost, descent)
+                reach = _reach_of(share, cost, new_cost, descent)
                 # A pose without contact has no gradient that would lead back to contact, so it is never accepted.
                 enough = new_cost < cost and new_cost <= cost - share * ARMIJO * max(descent, 0.0)
                 found = enough and bool(new_jacobian.any())
@@ -118,10 +118,10 @@ def descend_in_box(
                     break
             if share * length < SMALL_STEP or evaluations >= max_evaluations:
                 break
-            if trial is not None and promised(share, cost, new_cost, descent) <= HARDLY * cost:
+            if trial is not None and _promised(share, cost, new_cost, descent) <= HARDLY * cost:
                 why = "gain"
                 break
-            share *= 0.5 if trial is None else shorter(share, cost, new_cost, descent)
+            share *= 0.5 if trial is None else _shorter(share, cost, new_cost, descent)
         iterations += 1
         if not found or trial is None:
             if why != "gain":
@@ -198,3 +198,38 @@ def _restored(x: Array, device: DiscDevice, limits: ServoLimits) -> Array | None
             return None  # all joints are within their limits, but the platform would give way
         x = x + np.linalg.solve(by_x, over)
     return x if device.holds(x, limits.low, limits.high) else None
+
+
+def _shorter(share: float, cost: float, new_cost: float, descent: float) -> float:
+    """Return the factor by which to shorten a step, 0.1 to 0.5.
+
+    The factor leads to the minimum of the parabola through the costs at both ends of the step and the slope at its
+    start.
+
+    Args:
+        share: share of a full step that was tried.
+        cost, new_cost: cost at the start and at the end.
+        descent: rate at which the cost falls at the start, for a full step.
+    """
+    curve = new_cost - cost + share * descent
+    return float(min(max(0.5 * share * descent / curve, 0.1), 0.5)) if curve > 0 else 0.5
+
+
+def _promised(share: float, cost: float, new_cost: float, descent: float) -> float:
+    """Return how far the parabola of a step falls below the cost at its start; inf if it has no minimum.
+
+    Parabola and arguments are those of `_shorter`.
+    """
+    curve = new_cost - cost + share * descent
+    return 0.25 * (share * descent) ** 2 / curve if curve > 0 else math.inf
+
+
+def _reach_of(share: float, cost: float, new_cost: float, descent: float) -> float:
+    """Return the share of a full step at which its parabola is least, from `LEAST_REACH` to 1.
+
+    A touch that no pose can render leaves a large residual. Gauss-Newton neglects the curvature that this residual
+    adds, and its steps are then too long. The reach of one step is used for the next step, and for the next frame.
+    Parabola and arguments are those of `_shorter`.
+    """
+    curve = new_cost - cost + share * descent
+    return min(max(0.5 * share * share * descent / curve, LEAST_REACH), 1.0) if curve > 0 else 1.0

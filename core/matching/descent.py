@@ -26,18 +26,15 @@ from ..kernels.library import kernels
 from ..kernels.records import address
 from ..surrogate.forward import DirectModel
 from .box_descent import descend_in_box
-from .gauss_newton import (
+from .minimum import (
     ARMIJO,
-    DAMPING,
     EXACT,
     HARDLY,
-    LATER,
     LEAST_REACH,
     LONGEST,
     MAX_EVALUATIONS,
     MAX_ITERATIONS,
     NEARLY,
-    ON_LIMIT,
     OPTIMAL,
     SHORTEST,
     SMALL_GAIN,
@@ -46,6 +43,11 @@ from .gauss_newton import (
     Minimum,
     ServoLimits,
 )
+
+# `HARDLY` for steps after the first, if another frame follows; 0.5 % of the mismatch.
+LATER = 1e-2
+DAMPING = 1e-9  # share of the largest diagonal element; keeps a step unique if only one node touches
+ON_LIMIT = 1e-9  # a start may violate a limit by this much [rad]
 
 _PARTS = ("low", "high", "x", "trial", "room", "angles", "multipliers")  # of a record, see `records.place_of`
 # names of the reasons for the end of a search, see `Minimum.why`, by the numbers of the kernels

@@ -43,7 +43,7 @@ SCHEMA = "dermis-description 1"
 SHIPPED = BUILT_IN / "skins"
 CORE = Path(__file__).resolve().parents[1]
 
-_known: Recent[tuple[str, str, str, float, float], Descriptors] = Recent(8)
+_known: Recent[tuple[str, str, str, float], Descriptors] = Recent(8)
 _movements: Recent[tuple[str, str, str, str, float, int], Dataset] = Recent(1)
 
 
@@ -59,7 +59,7 @@ def movements_of(device: DiscDevice, skin: SkinModel, friction: float) -> Datase
     )
 
 
-def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: float = TOLERANCE) -> Descriptors:
+def describe(device: DiscDevice, skin: SkinModel, friction: float) -> Descriptors:
     """Return the descriptors of a device on a skin.
 
     They are kept in memory for other fingers with the same shape of skin.
@@ -68,7 +68,6 @@ def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: fl
         device: the mechanism.
         skin: model of the skin; its stiffness has no effect.
         friction: friction coefficient between disc and skin.
-        tolerance: largest relative RMS error of stress, see `descriptors`.
     """
 
     def made() -> Descriptors:
@@ -76,9 +75,9 @@ def describe(device: DiscDevice, skin: SkinModel, friction: float, tolerance: fl
         # the result is the same whichever finger is computed first.
         nominal = skin.with_material(young=TISSUE["young"].default, alpha=1.0)
         data = movements_of(device, nominal, friction)
-        return descriptors(data, skin.stress_components(), tolerance=tolerance)
+        return descriptors(data, skin.stress_components())
 
-    return _known.make((skin.key, pressed_on(skin), device_key(device), friction, tolerance), made)
+    return _known.make((skin.key, pressed_on(skin), device_key(device), friction), made)
 
 
 def observation_of(device: DiscDevice, skin: SkinModel, friction: float) -> Array:

@@ -18,7 +18,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..arrays import Array
-from .gauss_newton import Minimum
+from .minimum import Minimum
 
 FIRST_STARTS = 4  # starts of the search if the touch is not weak
 FIRST_GAIN = 0.1  # a later start replaces an earlier one only if it lowers the cost by more than this share

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 
 from ..arrays import Array
-from ..cache import Cache
 from ..contact.skin_contact import SkinContact
 from ..contact.skin_sampler import skin_contacts
 from ..devices.spec import DeviceSpec
@@ -128,9 +127,7 @@ def compare(
     return tuple(reports)
 
 
-def compare_scene(
-    scene: TactileScene, library: Library, *, finer: str = "", cache: Cache | None = None
-) -> SceneReports:
+def compare_scene(scene: TactileScene, library: Library, *, finer: str = "") -> SceneReports:
     """Compare all methods for every finger of a scene that wears a pin array.
 
     Fingers that touch nothing are left out.
@@ -139,7 +136,6 @@ def compare_scene(
         scene: the scene.
         library: library of presets.
         finer: accuracy of a finer mesh on which the commands are judged as well, such as 'fine'; '' for none.
-        cache: cache of skins.
 
     Raises:
         DermisError: no finger wears a pin array, none of them touches anything, or there is no finer mesh of one.
@@ -156,8 +152,8 @@ def compare_scene(
                 where=_named(scene, f),
                 remedy="Compare without a finer mesh, or with a skin described by its size",
             )
-    own = _skins(scene, library, wearers, "", cache)
-    others = _skins(scene, library, wearers, finer, cache) if finer else {}
+    own = _skins(scene, library, wearers, "")
+    others = _skins(scene, library, wearers, finer) if finer else {}
     for f in wearers if finer else ():
         _finer(own[f].mesh.free.size, others[f].mesh.free.size, _named(scene, f))
     contacts = skin_contacts(scene, own)
@@ -213,9 +209,7 @@ def _finer(nodes: int, others: int, where: str) -> None:
         )
 
 
-def _skins(
-    scene: TactileScene, library: Library, wearers: Sequence[int], level: str, cache: Cache | None
-) -> dict[int, SkinModel]:
+def _skins(scene: TactileScene, library: Library, wearers: Sequence[int], level: str) -> dict[int, SkinModel]:
     """Return the skins of all fingers whose touch must be solved, by finger.
 
     These are the wearers, and all other fingers with a simulated skin: they may hold an object together with a wearer.
@@ -225,7 +219,6 @@ def _skins(
         library: library of presets.
         wearers: indices of the fingers that wear a pin array.
         level: accuracy of their meshes; '' for their own.
-        cache: cache of skins.
     """
     skins = {}
     for f, finger in enumerate(scene.fingers):
@@ -235,7 +228,7 @@ def _skins(
         )
         if f in wearers or simulated:
             own, preset = level if f in wearers else "", library.skin(DEFAULT_SKIN)
-            skins[f] = finger_skin(p, preset, level=own, cache=cache, where=_named(scene, f))
+            skins[f] = finger_skin(p, preset, level=own, where=_named(scene, f))
     return skins
 
 

@@ -41,15 +41,12 @@ class Calibration:
     residual: float
 
 
-def press_loads(
-    skin: SkinModel, depths: ArrayLike = DEPTHS, friction: float = FRICTION, contact: str = CONTACT
-) -> Array:
+def press_loads(skin: SkinModel, depths: ArrayLike = DEPTHS, contact: str = CONTACT) -> Array:
     """Return the loads of a flat plate pressed into a skin to each depth [N].
 
     Args:
         skin: the skin, with its own E and alpha.
         depths: depths beyond first contact, rising and above zero [m], shape (n,).
-        friction: Coulomb coefficient of the plate.
         contact: 'nodes' for contact at the nodes of the skin's mesh, 'points' for contact on points of the smooth skin.
             It should be that of the finger's touches.
 
@@ -62,7 +59,7 @@ def press_loads(
     if d.ndim != 1 or not (np.diff(d, prepend=0.0) > 0).all():
         raise DermisError("depths must rise from above zero", where="press test", value=np.ravel(d).tolist())
     plate = Surface.block(PLATE, PLATE)
-    touch = SingleTouch(skin, ContactBody(plate, friction=friction), "press test", contact)
+    touch = SingleTouch(skin, ContactBody(plate, friction=FRICTION), "press test", contact)
     return np.array([float(touch.move((0.0, 0.0, up)).solution.force[:, 2].sum()) for up in np.diff(d, prepend=0.0)])
 
 

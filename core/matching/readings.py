@@ -68,20 +68,16 @@ class Readings:
         return out - np.asarray(amounts, np.float64).reshape(flat.shape) @ self.pad.T
 
     def sense(
-        self,
-        force: NDArray[np.floating[Any]],
-        noise: float = 0.0,
-        rng: np.random.Generator | None = None,
-        amounts: NDArray[np.floating[Any]] | None = None,
+        self, force: NDArray[np.floating[Any]], noise: float = 0.0, rng: np.random.Generator | None = None
     ) -> Counts:
         """Return readings: whole counts within the scale, shape (n, 20).
 
         Args:
-            force, amounts: as for `counts`.
+            force: as for `counts`.
             noise: standard deviation of the normal noise in each channel [counts].
             rng: source of the noise; None for one with the seed 0.
         """
-        exact = self.counts(force, amounts)
+        exact = self.counts(force)
         if noise > 0.0:
             exact = exact + noise * (rng or np.random.default_rng(0)).standard_normal(exact.shape)
         return quantised(exact)

@@ -28,9 +28,8 @@ from ..surrogate.ridge import fit_ridge
 from ..surrogate.subspace import Subspace, principal_components
 from ..surrogate.table import SampleTable
 from ..surrogate.trial import TrialForce
-from .gauss_newton import Minimum, ServoLimits
+from .minimum import Minimum, ServoLimits
 from .stress import Search, StressMatcher, ThimbleFrame
-from .thimble_use import HOVER
 from .warm_start import recorded_table
 
 MIN_ROWS = 8  # a quadratic polynomial of three unknowns has ten coefficients
@@ -48,7 +47,7 @@ class RecordedMatcher(StressMatcher):
         contact: contact of its disc with the simulated skin, for poses without contact.
         model: model learned from the recording.
         table: the recording.
-        change, hover, noise_floor: as in `StressMatcher`.
+        change: as in `StressMatcher`.
 
     Attributes:
         outside: number of frames since the last reset whose best pose was outside the recorded range.
@@ -67,16 +66,12 @@ class RecordedMatcher(StressMatcher):
         table: SampleTable,
         *,
         change: float | None = None,
-        hover: float = HOVER,
-        noise_floor: float = 0.0,
     ) -> None:
         self.low, self.high = table.x.min(axis=0), table.x.max(axis=0)
         self.outside = 0
         unknown = np.zeros((model.size, 3 * contact.points.node_count))  # the readings of simulated forces
         starts = recorded_table(device, contact, model, table.x)
-        super().__init__(
-            device, contact, unknown, model, change=change, hover=hover, noise_floor=noise_floor, table=starts
-        )
+        super().__init__(device, contact, unknown, model, change=change, table=starts)
         # Only predicted readings are known, and the model has no friction history.
         self._usual = self._foreseen = 0.0
 
@@ -243,12 +238,12 @@ def check_recording(table: SampleTable, device: Thimble, where: str) -> None:
         raise DermisError("too few rows to learn from", where=where, value=len(table.x), limit=f">= {MIN_ROWS}")
     low, high = device.servo_limits
     low, high = low - SLACK, high + SLACK
-    for row, (pitch, roll, distance) in enumerate(table.x.tolist(), 1):
-        if not device.within(pitch, roll, distance, low.tolist(), high.tolist()):
+    for row, x in enumerate(table.x, 1):
+        if not device.holds(x, low, high):
             raise DermisError(
                 "the device cannot hold this pose",
                 where=f"{where}, row {row}",
-                value=f"{pitch:.4g}, {roll:.4g}, {distance:.4g}",
+                value=", ".join(f"{value:.4g}" for value in x.tolist()),
                 limit="pitch and roll in rad, distance in m, within the reach of the servos",
                 remedy="Convert degrees to rad and mm to m, or name the device that made the recording",
             )

@@ -23,7 +23,7 @@ from .description import describe
 from .thimble_sequence import ThimbleSequence
 from .thimble_use import ThimbleUse
 
-MOVEMENTS = 240
+MOVEMENTS, SEED = 240, 1
 MAX_DOTS = 2500  # dots of the cloud
 
 
@@ -49,9 +49,7 @@ class StimulusPlot:
     left: float
 
 
-def stimulus_plot(
-    use: ThimbleUse, forces: Array, found: ThimbleSequence, seed: int = 1, amounts: Array | None = None
-) -> StimulusPlot:
+def stimulus_plot(use: ThimbleUse, forces: Array, found: ThimbleSequence, amounts: Array | None = None) -> StimulusPlot:
     """Return the plot of a touch and a thimble's rendering of it.
 
     Args:
@@ -65,7 +63,7 @@ def stimulus_plot(
     spaces = None if use.observation_matrix is not None else describe(use.device, use.skin, use.friction)
     observation_matrix = use.observation_matrix if spaces is None else spaces.observation_matrix
     assert observation_matrix is not None
-    data = drain(record(use.device, contact_of(use.device, use.skin.linear, use.friction), MOVEMENTS, seed=seed))
+    data = drain(record(use.device, contact_of(use.device, use.skin.linear, use.friction), MOVEMENTS, seed=SEED))
     stimuli = data.force.astype(np.float64) @ observation_matrix.T
     about = stimuli - stimuli.mean(axis=0)
     chosen = slice(None, None, max(1, -(-len(stimuli) // MAX_DOTS)))

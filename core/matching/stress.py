@@ -29,7 +29,7 @@ from ..skin.observation import Observer
 from ..skin.stimulus import Stimulus
 from ..surrogate.forward import DirectModel, ForwardModel
 from .descent import Descent
-from .gauss_newton import GIVES_WAY, SMALL_STEP, Minimum, ServoLimits
+from .minimum import GIVES_WAY, SMALL_STEP, Minimum, ServoLimits
 from .onset import AHEAD, FAINT, FIRST_STARTS, SIDES, best_side
 from .thimble_use import HOVER
 from .warm_start import WarmStartTable, warm_start_table
@@ -123,13 +123,11 @@ class StressMatcher:
         model: forward model of the search; None uses the contact itself.
         change: largest change of a joint from frame to frame [rad or m]; None: not limited here.
         hover: distance kept from the skin while nothing is touched [m].
-        noise_floor: targets no stronger than this cannot be told from a sensor's noise; they are treated as no touch.
         table: poses to start from; None computes it.
 
     Attributes:
-        rescues: number of frames in which a learned model was wrong and the direct search took its place; `reset`
-            sets it to 0.
         follows_law: whether the nonlinear law of a skin is used, if it has one.
+        noise_floor: targets no stronger than this cannot be told from a sensor's noise; they are treated as no touch.
 
     Raises:
         DermisError: the servo limits exclude first contact, or model and observation have different numbers of
@@ -147,16 +145,9 @@ class StressMatcher:
         *,
         change: float | None = None,
         hover: float = HOVER,
-        noise_floor: float = 0.0,
         table: WarmStartTable | None = None,
     ) -> None:
-        self.device, self.contact, self.hover, self.change, self.noise_floor = (
-            device,
-            contact,
-            hover,
-            change,
-            noise_floor,
-        )
+        self.device, self.contact, self.hover, self.change, self.noise_floor = device, contact, hover, change, 0.0
         self.direct = DirectModel(device, contact, observation)
         self.model: ForwardModel = self.direct if model is None else model
         if self.model.size != self.direct.size:
@@ -189,7 +180,6 @@ class StressMatcher:
         self._reach = 1.0  # accepted share of a full step, in the last search
         # stimulus by the law minus stimulus by the model, at the last two commanded poses
         self._beyond: tuple[Array, Array] | None = None
-        self.rescues = 0
 
     def save(self) -> tuple[Any, ...]:
         """Return all that the next frame depends on."""
@@ -444,7 +434,6 @@ class StressMatcher:
             self.model = learned
         if np.linalg.norm(other.stimulus - target) >= np.linalg.norm(found.stimulus - target):
             return found
-        self.rescues += 1
         # the next frame uses the learned model again, so the correction of the learned model is kept
         return replace(other, rescued=True, looks=found.looks + other.looks, beyond=found.beyond)
 

@@ -67,7 +67,6 @@ def matcher(
     model: ForwardModel | None = None,
     change: float | None = None,
     hover: float = HOVER,
-    noise_floor: float = 0.0,
 ) -> StressMatcher:
     """Return a matcher that follows targets by a method.
 
@@ -81,7 +80,6 @@ def matcher(
         model: learned model of the methods 'network' and 'ridge'.
         change: largest change of a joint from frame to frame [rad for servos, m for legs]; None for no limit.
         hover: distance of the disc from the skin while nothing is touched [m].
-        noise_floor: largest norm of a target that counts as noise, in the unit of the quantity compared.
 
     Raises:
         DermisError: the method is unknown, a learned method has no model, or the servo limits exclude contact.
@@ -107,9 +105,7 @@ def matcher(
         key = cache_key(version(), *what, observer.matrix.tobytes(), "warm start")
         made = partial(DirectModel, device, contact, observer)
         table = _tables.make(key, lambda: kept_table(skin.cache, key, device, contact, made()))
-    return StressMatcher(
-        device, contact, observer, learned, change=change, hover=hover, noise_floor=noise_floor, table=table
-    )
+    return StressMatcher(device, contact, observer, learned, change=change, hover=hover, table=table)
 
 
 class Follower:

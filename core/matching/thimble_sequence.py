@@ -14,7 +14,7 @@ from ..devices.thimble import channel_values
 from ..errors import DermisError
 from ..skin.model import SkinModel
 from ..skin.observation import stress_errors
-from .gauss_newton import GIVES_WAY
+from .minimum import GIVES_WAY
 from .stress import ThimbleFrame
 
 

@@ -61,7 +61,7 @@ def geometry(mesh: TetraMesh) -> Geometry:
     return Geometry(gradients, volumes, nodal, divergence)
 
 
-def stiffness(mesh: TetraMesh, material: Elastic, element: Element = "anp", shape: Geometry | None = None) -> csr_array:
+def stiffness(mesh: TetraMesh, material: Elastic, element: Element = "anp") -> csr_array:
     """Return the stiffness matrix of all nodes [N/m], shape (3 n, 3 n).
 
     The matrix is sparse. Degrees of freedom are x, y and z of each node. The element 'anp' computes the pressure at
@@ -73,7 +73,6 @@ def stiffness(mesh: TetraMesh, material: Elastic, element: Element = "anp", shap
         mesh: mesh of the tissue.
         material: material of the tissue.
         element: 'anp' or 'p1'.
-        shape: geometry of the mesh; None computes it.
 
     Raises:
         DermisError: the element is unknown.
@@ -82,7 +81,7 @@ def stiffness(mesh: TetraMesh, material: Elastic, element: Element = "anp", shap
 
     if element not in ELEMENTS:
         raise DermisError("unknown element", where="skin", value=element, limit=", ".join(ELEMENTS))
-    shape = shape or geometry(mesh)
+    shape = geometry(mesh)
     first, shear = material.lame
     g, v = shape.gradients, shape.volumes
     blocks = shear * np.einsum("eai,ebj->eabji", g, g)

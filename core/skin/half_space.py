@@ -12,10 +12,8 @@ Source: Johnson, Contact Mechanics, chapter 3; Love, Phil. Trans. A 228 (1929)
 from __future__ import annotations
 
 from ctypes import addressof, byref
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 from ..kernels import records
@@ -26,7 +24,7 @@ from .pad_chart import Patches
 STRESS_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))  # xx, yy, zz, yz, xz, xy
 
 
-def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type = np.float64) -> NDArray[Any]:
+def surface_kernel(field: Patches, source: Patches, poisson: float) -> Array:
     """Return the displacement of pieces of skin for unit forces on others.
 
     It is that of a half-space with E = 1, see `core/kernels/half_space.c`. If field and source are exchanged, the
@@ -36,14 +34,13 @@ def surface_kernel(field: Patches, source: Patches, poisson: float, dtype: type 
         field: I pieces whose displacement is computed.
         source: J pieces that carry forces.
         poisson: Poisson's ratio.
-        dtype: type of the result, float32 or float64. The computation is in double precision.
 
     Returns:
         Displacement [1/m], shape (I, 3, J, 3).
     """
-    out: NDArray[Any] = np.empty((len(field), 3, len(source), 3), dtype)
+    out = np.empty((len(field), 3, len(source), 3))
     both = patches_record(field), patches_record(source)
-    pieces = records.PiecesRecord(*map(addressof, both), poisson, dtype is np.float32, address(out))
+    pieces = records.PiecesRecord(*map(addressof, both), poisson, address(out))
     kernels().press_pieces(byref(pieces))
     return out
 
@@ -72,7 +69,7 @@ class Beneath:
         self.feet, self.depths, self.poisson = feet, np.asarray(depths, np.float64), poisson
         inward = -normals
         first = np.cross(np.eye(3)[np.abs(inward).argmin(axis=1)], inward)
-        first /= np.sqrt(_dot(first, first))[:, None]
+        first /= np.sqrt(row_dots(first, first))[:, None]
         self.frames = np.stack([first, np.cross(inward, first), inward], axis=1)
         basis = np.zeros((9, 3, 3))  # stress tensors of unit components
         for n, (i, j) in enumerate(STRESS_PAIRS):
@@ -122,9 +119,9 @@ class Beneath:
         the plane. The depth is the point's own.
         """
         chord = self.feet[probe] - positions
-        x, y = _dot(chord, self.frames[probe, 0]), _dot(chord, self.frames[probe, 1])
+        x, y = row_dots(chord, self.frames[probe, 0]), row_dots(chord, self.frames[probe, 1])
         flat = np.hypot(x, y)
-        stretch = np.sqrt(_dot(chord, chord)) / np.where(flat > 0, flat, 1.0)
+        stretch = np.sqrt(row_dots(chord, chord)) / np.where(flat > 0, flat, 1.0)
         return np.stack([x * stretch, y * stretch, self.depths[probe]], axis=1)
 
 
@@ -180,5 +177,6 @@ def _point_force(place: Array, poisson: float) -> Array:
     return out / (2.0 * np.pi)
 
 
-def _dot(a: Array, b: Array) -> Array:
+def row_dots(a: Array, b: Array) -> Array:
+    """Return the dot products of rows, shape (n,)."""
     return np.einsum("ij,ij->i", a, b)

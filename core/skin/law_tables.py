@@ -169,13 +169,11 @@ class LawTables:
             start[self._inner] -= self._beneath.solve((self._matrix @ start)[self._inner])  # as in linear tissue
         return self.held(start)[0]
 
-    def held(self, start: Floats32, tolerance: float | None = None) -> tuple[Floats32, float]:
+    def held(self, start: Floats32) -> tuple[Floats32, float]:
         """Return the equilibrium for a fixed displacement of the pad.
 
         Args:
             start: initial displacement, whose part on the pad stays as it is, shape (3 free,).
-            tolerance: residual at which the iteration ends, relative to the forces as in `Miss.left`; None for
-                `TOLERANCE`.
 
         Returns:
             Displacement, shape (3 free,), and its residual.
@@ -192,7 +190,7 @@ class LawTables:
             own = abs(float(forces[self.pad] @ held))
             return way, pull, (abs(float(way @ pull)) / max(own, 1e-30)) ** 0.5
 
-        out[self._inner], left = _relaxed(out[self._inner], miss, TOLERANCE if tolerance is None else tolerance)
+        out[self._inner], left = _relaxed(out[self._inner], miss)
         return out, left
 
     def loaded(self, force: Floats32) -> Floats32:
@@ -211,7 +209,7 @@ class LawTables:
         def miss(beyond: Floats32) -> tuple[Floats32, Floats32, float]:
             return self.miss(pulled - beyond, pulled, force)
 
-        beyond, _ = _relaxed(np.zeros_like(pulled), miss, TOLERANCE)
+        beyond, _ = _relaxed(np.zeros_like(pulled), miss)
         self.remember(force, beyond[self.pad], pulled - beyond)
         return beyond[self.pad]
 
@@ -245,22 +243,19 @@ class LawTables:
         return stiffness(self.mesh, Elastic(1.0, self._poisson, 1.0), "anp")[self._free][:, self._free].tocsr()
 
 
-def _relaxed(
-    x: Floats32, miss: Callable[[Floats32], tuple[Floats32, Floats32, float]], tolerance: float
-) -> tuple[Floats32, float]:
-    """Iterate to a tolerance; return the best iterate and its residual.
+def _relaxed(x: Floats32, miss: Callable[[Floats32], tuple[Floats32, Floats32, float]]) -> tuple[Floats32, float]:
+    """Iterate to `TOLERANCE`; return the best iterate and its residual.
 
     Args:
         x: iterate to start from.
         miss: function that returns the basic step, its forces and the residual of an iterate, see `Relaxation.next`.
-        tolerance: residual at which the iteration ends.
     """
     steps = Relaxation()
     with np.errstate(over="ignore", invalid="ignore"):  # a step may be too long, and is then undone
         for _ in range(STEPS):
             way, pull, left = miss(x)
             following = steps.next(x, way, pull, left)
-            if left <= tolerance or steps.lost:
+            if left <= TOLERANCE or steps.lost:
                 break
             x = following
     assert steps.best is not None

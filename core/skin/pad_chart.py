@@ -11,7 +11,7 @@ the exponential of a complex number, whose real and imaginary part are the coord
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -182,47 +182,10 @@ class PadChart:
         first = starts[level + 1] + 4 * (cells - starts[level])
         return first[:, None] + np.arange(4)
 
-    def parent(self, cells: Indices) -> Indices:
-        """Return the parent of each cell, shape (n,).
-
-        It is -1 for cells of level 0 and bars.
-        """
-        level = self.levels[cells]
-        starts = np.array(self.starts)
-        return np.where(level > 0, starts[level - 1] + (cells - starts[level]) // 4, -1)
-
-    def descendants(self, cells: Indices, level: int) -> tuple[Indices, Indices]:
-        """Return the cells of a level that cover given cells.
-
-        A given cell of this level, or of a finer one, is returned as it is. Bars are not allowed.
-
-        Returns:
-            The cells, shape (k,), and for each the position in `cells` of the cell in which it lies, shape (k,).
-        """
-        found, owner = np.asarray(cells), np.arange(len(cells))
-        while (coarse := self.levels[found] < level).any():
-            split = self.children(found[coarse]).ravel()
-            found = np.concatenate([found[~coarse], split])
-            owner = np.concatenate([owner[~coarse], np.repeat(owner[coarse], 4)])
-        order = np.argsort(owner, kind="stable")
-        return found[order], owner[order]
-
-    def corners(self, cells: Indices, reach: float = 0.75) -> tuple[Array, Array]:
-        """Return points [m] and unit normals at the corners of cells.
-
-        Args:
-            cells: indices of the cells, shape (n,).
-            reach: distance of the corners from the centre, in sides of the cell. Above 0.5, the squares between the
-                corners of neighbouring cells overlap, so no object between two cells is missed.
-
-        Returns:
-            Points of the skin and its normals at four corners of each cell, shape (n, 4, 3) each.
-        """
+    def corners(self, cells: Indices) -> Array:
+        """Return the points of the skin at the corners of cells [m], shape (n, 4, 3)."""
         signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
-        places = self.places[cells][:, None] + 2 * reach * signs * self.halves[cells][:, None]
-        points, along, around = _frame(self.shape, places)
-        vectors = np.cross(along, around)
-        return points, vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+        return self.points(self.places[cells][:, None] + signs * self.halves[cells][:, None])
 
     def points(self, places: Array) -> Array:
         """Return points of the smooth skin [m], shape (n, 3).
@@ -273,12 +236,6 @@ class PadChart:
             value=f"{np.round(points[lost] * 1e3, 3).tolist()} mm",
             remedy="Choose points nearer to the skin of the pad",
         )
-
-    def with_levels(self, levels: int) -> PadChart:
-        """Return the chart with only the coarsest `levels` levels of the tree."""
-        count, starts = self.starts[levels], self.starts[: levels + 1]
-        places, halves = _with_bars(self.places[:count], self.halves[:count], starts)
-        return replace(self, places=places, halves=halves, starts=starts)
 
 
 def _frame(shape: FingertipShape, places: Array) -> tuple[Array, Array, Array]:

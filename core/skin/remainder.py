@@ -143,7 +143,7 @@ def fit_remainder(
     rest = np.asarray(condensed.compliance, np.float32).reshape(len(skin), 3, len(skin), 3).copy()
     for start in range(0, len(skin), _AT_ONCE):
         part = slice(start, start + _AT_ONCE)
-        rest[part] -= surface_kernel(skin.take(part), skin, poisson, np.float32)
+        rest[part] -= surface_kernel(skin.take(part), skin, poisson).astype(np.float32)
     i, j = np.nonzero(near)
     rest[i, :, j, :] = 0.0
     phi32 = phi.astype(np.float32)

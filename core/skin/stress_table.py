@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array, Floats32, Indices
+from .half_space import row_dots
 from .surface_compliance import ABOVE, SPREAD, Probes, SurfaceCompliance
 
 TOGETHER = 4  # number of cells whose tables are computed together, so that arrays fit into the processor's cache
@@ -210,10 +211,11 @@ def _added(
         poisson: Poisson's ratio.
     """
     first, second, inward = (np.take(frames[:, k], probe, axis=0) for k in range(3))
-    along, across = _dot(chord, first), _dot(chord, second)
+    along, across = row_dots(chord, first), row_dots(chord, second)
     flat = np.hypot(along, across)
     stretch = apart / np.where(flat > 0, flat, 1.0)
-    local = along * stretch, across * stretch, depth, _dot(force, first), _dot(force, second), _dot(force, inward)
+    pulls = (row_dots(force, axis) for axis in (first, second, inward))
+    local = along * stretch, across * stretch, depth, *pulls
     x, y, z, fx, fy, fz = (values.astype(np.float32) for values in local)  # single precision: half the time
     free = 1.0 - 2.0 * poisson
     r = np.sqrt(x * x + y * y + z * z)
@@ -240,7 +242,3 @@ def _added(
     turn[row] = frames[probe]
     turned = turn.transpose(0, 2, 1) @ summed @ turn
     return np.stack([turned[:, i, j] for i, j in _PAIRS], axis=1) / (2.0 * np.pi)
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.einsum("ij,ij->i", a, b)

@@ -75,9 +75,6 @@ def record(
     *,
     seed: int = 0,
     steps: tuple[int, int] = STEPS,
-    max_force: float = MAX_FORCE,
-    max_depth: float = MAX_DEPTH,
-    max_tilt: float = MAX_TILT,
     pressed: int = 1,
     observer: Observer | None = None,
 ) -> Generator[tuple[int, int], None, Dataset]:
@@ -85,7 +82,7 @@ def record(
 
     Yields (finished, all) movements and returns the dataset. Each movement starts clear of the skin and goes to one or
     more configurations in the skin. It ends early at a configuration that the device cannot reach, or after a sample
-    whose force exceeds `max_force`. Tilts are uniformly distributed. For each tilt, the distance is uniformly
+    whose force exceeds `MAX_FORCE`. Tilts are uniformly distributed. For each tilt, the distance is uniformly
     distributed in a range that begins or ends at first contact. On skin that follows a nonlinear law, samples at which
     the law does not converge are left out.
 
@@ -95,9 +92,6 @@ def record(
         trajectories: number of movements.
         seed: seed of the random numbers.
         steps: least and largest number of steps from one configuration to the next.
-        max_force: force at which movements end [N].
-        max_depth: largest movement into the skin after first contact [m].
-        max_tilt: largest pitch and roll to either side [rad].
         pressed: number of configurations in the skin in each movement. With more than one, a movement presses, rolls
             and releases, as devices do in use, so that friction states after different paths are recorded.
         observer: observer of the components of stress, by the law that the contact's skin follows; None for none.
@@ -112,8 +106,8 @@ def record(
     x, force, before, trial, owner, stress = [], [], [], [], [], list[Array]()
     unsettled = 0
     for number in range(trajectories):
-        ends = [_random(device, contact, rng, max_tilt, 0.0, CLEARANCE)]
-        ends += [_random(device, contact, rng, max_tilt, -max_depth, 0.0) for _ in range(pressed)]
+        ends = [_random(device, contact, rng, 0.0, CLEARANCE)]
+        ends += [_random(device, contact, rng, -MAX_DEPTH, 0.0) for _ in range(pressed)]
         state = FrictionState.rest(contact.count)
         for at in _between(ends, rng, steps):
             if not device.feasible(at):
@@ -134,7 +128,7 @@ def record(
                     owner.append(number)
                 else:
                     unsettled += 1
-                if np.linalg.norm(found.force.sum(axis=0)) > max_force:
+                if np.linalg.norm(found.force.sum(axis=0)) > MAX_FORCE:
                     break
             state = contact.settle(found)
         yield number + 1, trajectories
@@ -201,11 +195,9 @@ def _between(ends: list[Array], rng: np.random.Generator, steps: tuple[int, int]
             yield a + share * (b - a)
 
 
-def _random(
-    device: DiscDevice, contact: DiscContact, rng: np.random.Generator, max_tilt: float, low: float, high: float
-) -> Array:
+def _random(device: DiscDevice, contact: DiscContact, rng: np.random.Generator, low: float, high: float) -> Array:
     for _ in range(200):
-        pitch, roll = rng.uniform(-max_tilt, max_tilt, 2)
+        pitch, roll = rng.uniform(-MAX_TILT, MAX_TILT, 2)
         z = first_contact(device, contact, pitch, roll)
         x = seated(device, pitch, roll, z + rng.uniform(low, high))
         if len(x) > 3:

@@ -163,18 +163,11 @@ class Descriptors:
 
     def remembering(self, data: Dataset) -> Descriptors:
         """Return the same components of stress, with the subspaces of trial forces and friction of another dataset."""
-        inputs = _inputs(data, TRIAL_COMPONENTS, FRICTION_COMPONENTS)
-        return Descriptors(self.stress, self.observation_matrix, *inputs)
+        return Descriptors(self.stress, self.observation_matrix, *_inputs(data))
 
 
 def descriptors(
-    data: Dataset,
-    stress_operator: Array,
-    *,
-    tolerance: float = TOLERANCE,
-    size: int | None = None,
-    trial_size: int = TRIAL_COMPONENTS,
-    friction_size: int = FRICTION_COMPONENTS,
+    data: Dataset, stress_operator: Array, *, tolerance: float = TOLERANCE, size: int | None = None
 ) -> Descriptors:
     """Fit the subspaces to a dataset.
 
@@ -183,17 +176,15 @@ def descriptors(
         stress_operator: matrix H for which |H f| is the stress norm of forces f on the pad nodes, shape (any, 3 m).
         tolerance: largest relative RMS error of stress, see `Subspace.curve`.
         size: number of components of stress; None to use the tolerance.
-        trial_size, friction_size: largest numbers of components of trial forces and of the previous step's forces.
-            Fewer are used if the dataset has fewer.
 
     Source: [S0] 4.1, 10 % for stress
     """
     force = data.force.astype(np.float64)
     stress = principal_components(force @ stress_operator.T, tolerance=tolerance, size=size)
-    return Descriptors(stress, stress.basis @ stress_operator, *_inputs(data, trial_size, friction_size))
+    return Descriptors(stress, stress.basis @ stress_operator, *_inputs(data))
 
 
-def _inputs(data: Dataset, trial_size: int, friction_size: int) -> Iterator[Subspace]:
+def _inputs(data: Dataset) -> Iterator[Subspace]:
     """Yield the subspaces of trial forces and of the previous step's forces, see `descriptors`."""
-    for part, most in ((data.trial, trial_size), (data.before, friction_size)):
+    for part, most in ((data.trial, TRIAL_COMPONENTS), (data.before, FRICTION_COMPONENTS)):
         yield principal_components(part.astype(np.float64), size=min(most, *part.shape))

@@ -97,8 +97,6 @@ def train(
     *,
     hidden: int = HIDDEN,
     iterations: int = ITERATIONS,
-    penalty: float = PENALTY,
-    decay: float = DECAY,
     seed: int = 0,
     report: Report | None = None,
 ) -> Network:
@@ -112,8 +110,6 @@ def train(
         table: inputs and channels.
         hidden: number of neurons in the hidden layer.
         iterations: largest number of iterations of L-BFGS.
-        penalty: factor of the squared output weights in the loss.
-        decay: factor of the squared weights of the hidden layer in the loss.
         seed: seed of the initial weights.
         report: function that is called with (done, total) iterations.
 
@@ -153,7 +149,7 @@ def train(
         e += np.float32(1.0)
         np.divide(rates, e, out=rates)
         gram = (active.T @ active).astype(np.float64)
-        gram[np.diag_indices(hidden)] += penalty * n
+        gram[np.diag_indices(hidden)] += PENALTY * n
         gram[-1, -1] += 1e-12 * n
         return np.linalg.solve(gram, (active.T @ wanted).astype(np.float64))
 
@@ -166,9 +162,9 @@ def train(
         back *= rates
         # The output weights are optimal, so the gradient has no contribution from their change.
         gradient = np.concatenate([(back.T @ s).ravel(), back.sum(axis=0)]).astype(np.float64) * (2.0 / (n * c))
-        gradient[: hidden * p] += (2.0 * decay / c) * weights
+        gradient[: hidden * p] += (2.0 * DECAY / c) * weights
         value = float(np.einsum("ij,ij->", miss, miss, dtype=np.float64)) / n
-        return (value + penalty * float((v[:-1] ** 2).sum()) + decay * float(weights @ weights)) / c, gradient
+        return (value + PENALTY * float((v[:-1] ** 2).sum()) + DECAY * float(weights @ weights)) / c, gradient
 
     done = 0
 

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from core.arrays import Array
 from core.contact.solver.bodies import BONE, ContactBody, NodeGaps
-from core.contact.solver.cone import along, natural_residual
+from core.contact.solver.cone import along, assess
 from core.contact.solver.history import ContactHistory
 from core.contact.solver.smooth_contact import SmoothContact
-from core.contact.solver.solve import solve
 from core.skin.assembly import degrees
 from core.skin.model import SkinModel
+from tests.contact_laws import solve
 from tests.grips import nodes_of
 
 from .dissection import Dissection
@@ -237,7 +237,7 @@ class ExactFinger:
         relative = held.displacement[self.skin.mesh.pad] + held.offset
         near = held.gaps.body >= 0
         rho = float(np.sqrt(np.prod(np.linalg.eigvalsh(self.skin.compliance)[[0, -1]])))
-        found = natural_residual(force[near], relative[near], held.gaps.normal[near], held.gaps.friction[near], 1 / rho)
+        found = assess(force[near], relative[near], held.gaps.normal[near], held.gaps.friction[near], 1 / rho)[0]
         return float(np.hypot(found, np.linalg.norm(force[~near]) / max(float(np.linalg.norm(force)), 1e-12)))
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from core.contact.posed_scene import PosedScene
 from core.contact.skin_stepper import SkinStepper
-from core.contact.solver.solve import Solution
+from core.contact.solver.solution import Solution
 from core.errors import Finding
 from core.experiment import fingertip
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh

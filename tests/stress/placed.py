@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from core.scene.tactile_scene import Body, Mesh
 from core.skin.surface_store import smooth_pad
 from core.surface.gap import Surface
+from tests.pad_cells import descendants
 
 from .case import Dice, Values
 from .contacts import skin_of
@@ -160,7 +161,7 @@ def first_contact(parts: list[Mesh], turn: Array, at: Array) -> float:
     points = pad.cells.positions[cells]
     height = _risen(surfaces, points, turn, at, float(points[:, 2].min()) - top - EXACT, 0.1)
     near = cells[_gaps(surfaces, points, turn, at, height) < 2.0 * COARSE]
-    fine = pad.chart.descendants(near, len(starts) - 2)[0]
+    fine = descendants(pad.chart, near, len(starts) - 2)[0]
     some, half = pad.chart.places[fine], 2.0 * float(pad.chart.halves[fine].max())
     reach = COARSE
     for _ in range(6):

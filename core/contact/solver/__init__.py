@@ -2,8 +2,7 @@
 
 bodies           bodies near a finger, and the gaps to them
 cone             Coulomb's law and its residual
-sweeps           solver of one problem by compiled sweeps over the nodes
-solve            the same with checks of the input, for problems without a path
+sweeps           solver of one problem by compiled sweeps over the nodes; solution: its result, with status and residual
 compliance       compliance of a skin
 law_skin         correction for nonlinear skin; law_frame: one frame with it
 history          anchors of friction

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import Array
-from .cone import natural_residual, project
+from .cone import assess, project
 from .grip import Grip, cross_matrix
 
 TOLERANCE = 1e-8  # relative change and imbalance at which the iteration ends
@@ -105,7 +105,7 @@ def balance(
             break
     moved = -g_rows.T @ move
     w = np.concatenate([g.matrix @ z.reshape(-1)[p] for g, p in zip(grips, parts, strict=True)])
-    residual = natural_residual(z, (w + b + moved).reshape(-1, 3), normals, mu, 1.0 / rho)
+    residual, _ = assess(z, (w + b + moved).reshape(-1, 3), normals, mu, 1.0 / rho)
     held, scaled_w, shifts = ([x.reshape(-1)[p].reshape(-1, 3) for p in parts] for x in (z, y, moved))
     holds = not give.slides and short <= 100.0 * TOLERANCE
     size = float(np.linalg.norm(move))

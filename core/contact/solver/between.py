@@ -11,7 +11,7 @@ from ...motion import matrices, quaternions
 from ...surface.gap import Surface
 from ...surface.topology import cut_otherwise
 from .bodies import ContactBody, corners_of, from_material, moved, to_material
-from .near_surface import NearTriangles
+from .near_surface import NearSurface, NearTriangles
 
 
 def between(
@@ -41,7 +41,7 @@ def between(
     if near is not None or reshaped(a, b):
         assert isinstance(a.surface, Surface) and isinstance(surface, Surface)
         if near is not None:
-            surface = near.at(share)
+            surface = NearSurface(near, share)
         else:
             vertices = (1.0 - share) * a.surface.vertices + share * surface.vertices
             surface = Surface.build(vertices, surface.triangles)

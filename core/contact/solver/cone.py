@@ -69,8 +69,3 @@ def assess(
     projected -= force
     error = float(np.vdot(projected, projected))
     return (float(np.sqrt(error / size)) if size > 0.0 else 0.0), status
-
-
-def natural_residual(force: Array, displacement: Array, normals: Array, friction: Array, stiffness: float) -> float:
-    """Return the residual of Coulomb's law, see `assess`."""
-    return assess(force, displacement, normals, friction, stiffness)[0]

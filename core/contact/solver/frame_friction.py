@@ -17,7 +17,7 @@ from ...kernels.library import kernels
 from ...kernels.records import address
 from .bodies import NodeGaps
 from .history import ContactHistory
-from .solve import Solution
+from .solution import Solution
 from .within_frame import NONE, STILL, Drift, Shifts, changing
 
 

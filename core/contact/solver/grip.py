@@ -137,7 +137,7 @@ class GripStep:
         displacement: displacement of the object from its animated pose: translation [m] and rotation vector [rad],
             shape (6,).
         holds: whether the contacts supply the required wrench. If not, the forces are the nearest that friction admits.
-        residual: residual of the contact laws, see `cone.natural_residual`.
+        residual: residual of the contact laws, see `cone.assess`.
         iterations: number of iterations of the solver.
         gaps: gaps of each finger's nodes.
         slips: relative displacement w of each finger's nodes [m], shape (m, 3) each.

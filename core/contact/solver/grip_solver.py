@@ -25,7 +25,7 @@ from .bodies import ContactBody
 from .cone import SLIP, STICK, along
 from .grip import NOWHERE, SEARCH_RADIUS, Displacement, Grip, GripStep, HoldContext, HoldingFinger
 from .notes import Notes
-from .solve import status_of
+from .solution import status_of
 
 # A frame is balanced again after a displacement above this [m], or an error of the torque above this [N m].
 STILL, TORQUE = 2e-5, 1e-6

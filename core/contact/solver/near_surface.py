@@ -38,10 +38,6 @@ class NearTriangles:
         chosen = np.flatnonzero(kept)
         return cls(start, end, chosen, replace(end.topology)) if chosen.size else None
 
-    def at(self, share: float) -> NearSurface:
-        """Return the shape at a share of the way, 0 for `start` and 1 for `end`."""
-        return NearSurface(self, share)
-
 
 class NearSurface(Surface):
     """Shape between two others, with the geometry of the near triangles alone; indices are those of all triangles.

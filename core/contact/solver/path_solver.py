@@ -30,8 +30,8 @@ from .notes import Notes
 from .path_step import PathStep, SolvedFrame
 from .point_set import ContactPoints, Nodes, spacing
 from .smooth_contact import SmoothContact
-from .solve import MOST_SWEEPS, Solution, status_of
-from .sweeps import sweep
+from .solution import Solution, status_of
+from .sweeps import MOST_SWEEPS, sweep
 from .within_frame import STILL
 
 __all__ = ["DEPTH_LIMIT", "TOLERANCE", "PathSolver", "PathStep"]

@@ -15,7 +15,7 @@ from ...kernels import records
 from ...kernels.library import kernels
 from ...kernels.records import address
 from .bodies import NodeGaps
-from .solve import Solution
+from .solution import Solution
 
 
 class SolvedFrame(NamedTuple):

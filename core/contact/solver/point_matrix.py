@@ -17,7 +17,7 @@ from ...kernels.records import address
 from ...skin.surface_compliance import SurfaceCompliance
 from .compliance import displaced
 
-GROWTH = 1.2  # factor by which the memory grows if it is too small
+GROWTH = 1.2  # factor by which memory for points grows if it is too small
 
 
 class PointMatrix:

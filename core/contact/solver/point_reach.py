@@ -31,7 +31,7 @@ class PointReach:
     def __init__(self, points: PointSet) -> None:
         self._points, self._chart, roots = points, points.pad.chart, points.pad.chart.beside
         self.places: Array = points.pad.cells.positions[self._chart.base]
-        corners, _ = self._chart.corners(self._chart.base, 0.5)
+        corners = self._chart.corners(self._chart.base)
         self.sizes: Array = np.linalg.norm(corners - self.places[:, None], axis=2).max(axis=1)
         odd = np.append(self._chart.base % 2 == 1, False)
         odd[:-1] &= ~odd[roots[:, 1, [0, 2]]].any(axis=1)  # cells for which the neighbours around the finger are enough

@@ -11,7 +11,7 @@ import numpy as np
 from ...arrays import Array
 from ...kernels import records
 from ...surface.gap import Surface
-from .bodies import ContactBody, boxes_meet, by_precedence
+from .bodies import TIE, TURN, ContactBody, boxes_meet, by_precedence
 
 # UNIQUE: radius of an edge from which contact has one state on cells of 0.2 mm [m]. ROUNDED: radius that the largest
 # lift adds to an edge [m]. ROUND: least share of the lift.
@@ -77,4 +77,4 @@ def _pose(record: records.PosedRecord, body: ContactBody, bone: Array, coarse: f
     record.rotation[:] = np.asarray(body.rotation).reshape(-1).tolist()
     record.translation[:] = body.translation.tolist()
     record.friction, record.softness = body.friction, body.softness
-    record.sharpness = sharpness(body, coarse)
+    record.sharpness, record.tie, record.turn = sharpness(body, coarse), TIE, TURN

@@ -31,13 +31,14 @@ from ...kernels.records import address
 from .bodies import ContactBody, NodeGaps
 from .cone import along
 from .path_step import SolvedFrame
+from .point_matrix import GROWTH
 from .point_set import CELL, RATIO, ContactPoints
 from .posed_records import posed_records
-from .solve import MOST_SWEEPS, Solution
+from .solution import Solution
+from .sweeps import MOST_SWEEPS
 
 ROOM = 38  # numbers of a point in the kernel's workspace
 LOOKS = 10  # of a point, each with a hint
-GROWTH = 1.2  # factor by which the workspace grows if it is too small
 _FOUND = "clearance", "normal", "where", "body", "triangle"  # arrays that describe gaps
 
 

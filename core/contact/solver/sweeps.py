@@ -18,6 +18,8 @@ from ...kernels import records
 from ...kernels.library import kernels
 from ...kernels.records import address
 
+MOST_SWEEPS = 3000  # limit of sweeps, for problems that do not converge
+
 
 class Swept(NamedTuple):
     """Result of the sweeps.

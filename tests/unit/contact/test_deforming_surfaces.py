@@ -60,7 +60,7 @@ def test_a_surface_that_is_no_number_is_held_at_the_last_good_one_and_told(size:
     found = touch(0.12, broken(growing(), range(20, 30)), size=size)
     expected = 0.02 - 0.01 * T
     expected[20:30] = expected[19]
-    assert found.gap[0, 0] == pytest.approx(expected, abs=1e-12)
+    assert found.pairs[0, 0].gap == pytest.approx(expected, abs=1e-12)
     (finding,) = found.findings
     assert (finding.severity, finding.code, finding.where) == ("error", "not-finite", "object 'box'")
     assert (finding.frame, finding.count) == (1 + 24 * 20 / RATE, 10)
@@ -70,13 +70,13 @@ def test_before_the_first_good_surface_that_one_stands_in() -> None:
     found = touch(0.12, broken(growing(), range(5)))
     expected = 0.02 - 0.01 * T
     expected[:5] = expected[5]
-    assert found.gap[0, 0] == pytest.approx(expected, abs=1e-12)
+    assert found.pairs[0, 0].gap == pytest.approx(expected, abs=1e-12)
     assert [(f.code, f.frame, f.count) for f in found.findings] == [("not-finite", 1.0, 5)]
 
 
 def test_a_surface_that_never_is_a_number_cannot_be_touched_and_is_told() -> None:
     found = touch(0.12, broken(growing(), range(COUNT)), size=24)
-    assert np.isinf(found.gap).all() and np.isfinite(found.centres[0]).all()
+    assert all(np.isinf(pair.gap).all() for pair in found.pairs.values()) and np.isfinite(found.centres[0]).all()
     assert [(f.code, f.count) for f in found.findings] == [("not-finite", COUNT)]
 
 
@@ -105,9 +105,9 @@ def test_a_touch_gap_that_grows_is_not_cut_at_its_first_value(size: int) -> None
     margin = FASTEST_APPROACH / RATE
     assert 0.0005 + margin < 0.1 < 0.15 + margin
     found = touch(0.2, size=size, distance=distance)
-    assert found.gap[0, 0, 30:] == pytest.approx(np.full(30, 0.1), abs=1e-12)
-    assert np.isinf(found.gap[0, 0, :30]).all()  # as the same samples would be alone
-    assert np.isinf(touch(0.2, size=size).gap).all()
+    assert found.pairs[0, 0].gap[30:] == pytest.approx(np.full(30, 0.1), abs=1e-12)
+    assert np.isinf(found.pairs[0, 0].gap[:30]).all()  # as the same samples would be alone
+    assert not touch(0.2, size=size).pairs
 
 
 def test_the_chunk_comes_back_mended_for_the_skin() -> None:

@@ -90,8 +90,8 @@ def test_gap_normal_and_point_of_a_turned_and_stretched_box() -> None:
     place = np.array([0.4, -0.2, 1.0])
     body = poses(np.tile(place, (len(t), 1)), turn @ np.diag([2.0, 1.0, 0.5]))
     touch = sampled([poses(place + local @ turn.T)], [(Body("b", cuboid(0.05, 0.1, 0.04)), body)])
-    assert touch.gap[0, 0] == pytest.approx(local[:, 2] - 0.02, abs=1e-12)
-    assert touch.normal[0, 0] == pytest.approx(np.tile(turn[:, 2], (len(t), 1)), abs=1e-9)
+    assert touch.pairs[0, 0].gap == pytest.approx(local[:, 2] - 0.02, abs=1e-12)
+    assert touch.pairs[0, 0].normal == pytest.approx(np.tile(turn[:, 2], (len(t), 1)), abs=1e-9)
     assert touch.pairs[0, 0].point == pytest.approx(np.stack([local[:, 0], local[:, 1], 0 * t + 0.02], 1), abs=1e-12)
 
 
@@ -100,8 +100,8 @@ def test_mirrored_object_keeps_its_outside() -> None:
     finger = poses(np.stack([0 * t + 0.01, 0 * t, 0.05 + 0.01 * t], axis=1))
     body = poses(np.zeros((len(t), 3)), np.diag([-1.0, 1.0, 1.0]))
     touch = sampled([finger], [(Body("b", cuboid(0.03, 0.03, 0.04)), body)])
-    assert touch.gap[0, 0] == pytest.approx(0.01 + 0.01 * t, abs=1e-12)
-    assert touch.normal[0, 0] == pytest.approx(np.tile([0, 0, 1.0], (len(t), 1)))
+    assert touch.pairs[0, 0].gap == pytest.approx(0.01 + 0.01 * t, abs=1e-12)
+    assert touch.pairs[0, 0].normal == pytest.approx(np.tile([0, 0, 1.0], (len(t), 1)))
 
 
 def test_animated_scale_is_followed_sample_by_sample() -> None:
@@ -112,7 +112,7 @@ def test_animated_scale_is_followed_sample_by_sample() -> None:
         [poses(np.tile([0, 0, 0.08], (len(t), 1)))],
         [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3)), linear))],
     )
-    assert touch.gap[0, 0] == pytest.approx(0.08 - 0.04 * grow, abs=1e-6)
+    assert touch.pairs[0, 0].gap == pytest.approx(0.08 - 0.04 * grow, abs=1e-6)
 
 
 def test_chunk_length_does_not_matter() -> None:
@@ -150,8 +150,8 @@ def test_far_objects_cost_no_query_and_are_counted(monkeypatch: pytest.MonkeyPat
     near = int((t < 0.5).sum())
     assert sum(asked) == near
     assert touch.skipped["pair_samples_far"] == 2 * len(t) - near
-    assert (0, 1) not in touch.pairs and np.isinf(touch.gap[0, 1]).all()
-    assert np.isfinite(touch.gap[0, 0]).sum() == near
+    assert (0, 1) not in touch.pairs
+    assert np.isfinite(touch.pairs[0, 0].gap).sum() == near
 
 
 def test_bounds_over_a_chunk_hold_the_boxes_of_all_its_samples() -> None:
@@ -174,8 +174,10 @@ def test_open_sheet_can_be_touched_from_the_side_the_finger_came_from() -> None:
     table = (Body("table", sheet(0.5)), poses(np.zeros((len(t), 3))))
     touch = sampled([poses(path), below], [table])
     for f in range(2):
-        assert touch.gap[f, 0] == pytest.approx(0.02 - 0.03 * t, abs=1e-12)
-    assert touch.normal[0, 0, 0] == pytest.approx([0, 0, 1]) and touch.normal[1, 0, 0] == pytest.approx([0, 0, -1])
+        assert touch.pairs[f, 0].gap == pytest.approx(0.02 - 0.03 * t, abs=1e-12)
+    assert touch.pairs[0, 0].normal[0] == pytest.approx([0, 0, 1]) and touch.pairs[1, 0].normal[0] == pytest.approx(
+        [0, 0, -1]
+    )
 
 
 def test_deforming_surface_brings_its_own_velocity() -> None:
@@ -303,7 +305,7 @@ def test_scale_zero_is_reported_and_the_rest_is_kept() -> None:
     )
     [finding] = [f for f in touch.findings if f.code == "zero-scale"]
     assert finding.count == 20 and finding.frame == pytest.approx(11.0) and finding.severity == "error"
-    known = np.isfinite(touch.gap[0, 0])
+    known = np.isfinite(touch.pairs[0, 0].gap)
     assert not known[100:120].any() and known[:100].all() and known[120:].all()
     with pytest.raises(DermisError, match="object 'b', frame 1: the scale is too large .*1e\\+200"):
         huge = poses(np.zeros((3, 3)), np.tile(1e200 * np.eye(3), (3, 1, 1)))
@@ -323,7 +325,7 @@ def test_values_that_are_not_numbers_are_held_and_reported() -> None:
         [(Body("b", cuboid(0.05, 0.05, 0.04)), poses(np.zeros((len(t), 3))))],
         animated={"body/0/held": switch},
     )
-    assert touch.gap[0, 0, 50:60] == pytest.approx(touch.gap[0, 0, 49])
+    assert touch.pairs[0, 0].gap[50:60] == pytest.approx(touch.pairs[0, 0].gap[49])
     found = [(f.where, f.count) for f in touch.findings if f.code == "not-finite"]
     assert found == [("finger 'f0'", 10), ("body/0/held", 2)]
     assert touch.animated["body/0/held"][[0, 7]] == pytest.approx(t[[1, 6]])

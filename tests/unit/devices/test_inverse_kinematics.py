@@ -14,6 +14,7 @@ from core.devices.thimble import MIN_MARGIN, mechanism
 from core.errors import DermisError
 from core.presets import Library
 from core.surrogate.store import device_key
+from tests.thimbles import leg_margins
 
 SPEC = Library().device("thimble_3rrs")
 DEVICE = mechanism(SPEC)
@@ -22,7 +23,7 @@ DEVICE = mechanism(SPEC)
 def configurations(count=80, seed=0):
     rng = np.random.default_rng(seed)
     out = np.column_stack([rng.uniform(-0.6, 0.6, (count, 2)), rng.uniform(0.014, 0.022, count)])
-    return [x for x in out if (DEVICE.leg_margins(x) > 0).all()]
+    return [x for x in out if (leg_margins(DEVICE, x) > 0).all()]
 
 
 def of_the_rods(x):

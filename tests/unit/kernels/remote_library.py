@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from core.kernels import records
-from tests.kernel_arrays import SIZES, declared
+from tests.kernel_cases.case import SIZES, declared
 
 KINDS: dict[str, type[ctypes.Structure]] = {f"dermis_{name}": record for name, record in records.RECORDS.items()}
 ALIGNED = 64

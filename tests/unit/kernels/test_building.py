@@ -12,7 +12,7 @@ import pytest
 from core.contact.solver import cone
 from core.kernels import building, records
 from core.surface import topology
-from tests.kernel_arrays import gcc
+from tests.kernel_cases.case import gcc
 
 from .test_compiled import needs_gcc
 

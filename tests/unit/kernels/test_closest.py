@@ -23,7 +23,8 @@ from core.surface.kernel_body import KernelBody
 from core.surface.plain_triangles import PlainTriangles
 from core.surface.triangle_tree import TriangleTree
 from tests.closest_points import nearest
-from tests.kernel_arrays import Arrays, address, drawn, gcc, opened
+from tests.kernel_cases.bodies import Arrays, drawn
+from tests.kernel_cases.case import address, gcc, opened
 
 
 @pytest.mark.parametrize("seed", range(60))

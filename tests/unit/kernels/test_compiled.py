@@ -17,27 +17,12 @@ import pytest
 
 import build_addon
 from core.kernels import building, library
-from tests.kernel_arrays import (
-    GIVEN,
-    Arrays,
-    Case,
-    drawn,
-    drawn_arrivals,
-    drawn_change,
-    drawn_contact,
-    drawn_friction,
-    drawn_law,
-    drawn_pieces,
-    drawn_pressed,
-    drawn_rest,
-    drawn_rows,
-    drawn_search,
-    drawn_skin,
-    drawn_survey,
-    drawn_touch,
-    gcc,
-    opened,
-)
+from tests.kernel_cases.bodies import Arrays, drawn, drawn_survey, drawn_touch
+from tests.kernel_cases.case import Case, gcc, opened
+from tests.kernel_cases.contacts import GIVEN, drawn_arrivals, drawn_contact, drawn_friction
+from tests.kernel_cases.discs import drawn_pressed, drawn_search
+from tests.kernel_cases.pads import drawn_change, drawn_pieces, drawn_rows
+from tests.kernel_cases.skins import drawn_law, drawn_rest, drawn_skin
 
 from .remote_library import RemoteLibrary
 

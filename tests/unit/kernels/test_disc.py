@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from core.kernels import library, records
-from tests.kernel_arrays import Pressed, drawn_pressed, opened
+from tests.kernel_cases.case import opened
+from tests.kernel_cases.discs import Pressed, drawn_pressed
 
 OPEN, STICK, SLIP = 0, 1, 2
 

@@ -8,7 +8,8 @@ from scipy.sparse import csr_array
 
 from core.kernels import library, records
 from core.skin.stress import von_mises
-from tests.kernel_arrays import drawn_skin, opened
+from tests.kernel_cases.case import opened
+from tests.kernel_cases.skins import drawn_skin
 
 
 @pytest.mark.parametrize("seed", range(27))

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from core.kernels import library, records
-from tests.kernel_arrays import drawn_friction, opened
+from tests.kernel_cases.case import opened
+from tests.kernel_cases.contacts import drawn_friction
 
 
 def test_damaged_records_are_refused() -> None:

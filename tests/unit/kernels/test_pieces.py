@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from core.kernels import library, records
-from tests.kernel_arrays import drawn_pieces, opened
+from tests.kernel_cases.case import opened
+from tests.kernel_cases.pads import drawn_pieces
 
 
 def test_damaged_records_are_refused() -> None:
     own = opened(library.kernels().path)
-    for field, value in {"single": 2, "field": 0, "source": 0}.items():
-        assert drawn_pieces(1).call(own, **{field: value}) == [records.BAD_RECORD]
+    for field in ("field", "source"):
+        assert drawn_pieces(1).call(own, **{field: 0}) == [records.BAD_RECORD]

@@ -8,7 +8,9 @@ import pytest
 from core.kernels import library, records
 from core.skin.half_space import surface_kernel
 from core.skin.pad_chart import Patches
-from tests.kernel_arrays import drawn_arrivals, drawn_change, drawn_rows, opened
+from tests.kernel_cases.case import opened
+from tests.kernel_cases.contacts import drawn_arrivals
+from tests.kernel_cases.pads import drawn_change, drawn_rows
 from tests.overlaps import overlap
 
 

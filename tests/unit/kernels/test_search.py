@@ -15,7 +15,8 @@ from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.thimble import MIN_MARGIN, Thimble, mechanism
 from core.kernels import library, records
 from core.presets import Library
-from tests.kernel_arrays import Searched, drawn_search, opened
+from tests.kernel_cases.case import opened
+from tests.kernel_cases.discs import Searched, drawn_search
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
 SCALE = np.array([1.0, 1.0, DEVICE.platform_radius])
@@ -150,3 +151,22 @@ def test_numbers_that_are_not_finite_are_refused(own):
         getattr(case, change).flat[0] = np.nan
         assert case.call(own) == [records.NOT_FINITE]
     assert MIN_MARGIN == drawn_search(2).least
+
+
+def test_a_search_that_meets_a_limit_has_the_budget_of_one_that_begins_there(own):
+    """From the limit on it may evaluate as often as a search from there, whose first evaluation is already made.
+
+    Before, a search of M evaluations has made at most M - 1, as it ends at M. So all make 2 M - 2 at most.
+    """
+    met, spent, most = 0, 0, 3
+    for seed in range(0, 400, 2):
+        case, steps = replace(drawn_search(seed), bounded=0, most_evaluations=most, earlier=None), []
+        value = case.value
+        case.value = lambda x, case=case, value=value, steps=steps: steps.append(case.record.bounded) or value(x)
+        assert case.call(own) == [records.DONE]
+        if case.record.why == OUTSIDE or not case.record.bounded:
+            continue
+        before = steps.count(0)
+        assert len(steps) == case.record.evaluations <= before + most - 1 <= 2 * most - 2
+        met, spent = met + 1, spent + (case.record.evaluations == before + most - 1)
+    assert met > 20 and spent > 5, "some searches use their whole budget"

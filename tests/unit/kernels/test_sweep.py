@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from core.kernels import library, records
-from tests.kernel_arrays import GIVEN, drawn_contact, opened
+from tests.kernel_cases.case import opened
+from tests.kernel_cases.contacts import GIVEN, drawn_contact
 
 
 @pytest.mark.parametrize("field", ["count", "stride", "avx2", "most", "single", "tolerance"])

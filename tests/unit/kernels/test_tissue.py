@@ -8,7 +8,8 @@ import pytest
 pytest.importorskip("scipy")
 
 from core.kernels import library, records
-from tests.kernel_arrays import drawn_law, drawn_rest, opened
+from tests.kernel_cases.case import opened
+from tests.kernel_cases.skins import drawn_law, drawn_rest
 
 
 @pytest.mark.parametrize(

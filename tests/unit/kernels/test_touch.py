@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from core.kernels import library, records
-from tests.kernel_arrays import Contact, drawn_touch, opened
+from tests.kernel_cases.bodies import drawn_touch
+from tests.kernel_cases.case import opened
+from tests.kernel_cases.contacts import Contact
 
 VALUES = {"count": -1, "avx2": 2, "looked": 2, "thorough": 2, "width": 8, "bodies": -1}
 SOLVED = {"stride": 2, "most": -1, "tolerance": -1.0}

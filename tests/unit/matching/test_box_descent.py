@@ -12,7 +12,7 @@ from core.devices.first_contact import first_contact
 from core.devices.six_legs import SixLegs
 from core.errors import DermisError
 from core.matching.box_descent import descend_in_box
-from core.matching.gauss_newton import GIVES_WAY, ServoLimits
+from core.matching.minimum import GIVES_WAY, ServoLimits
 from core.matching.thimble import match_touch
 from core.matching.thimble_use import prepare
 from core.presets import Library

@@ -1,4 +1,4 @@
-"""The search for a pose, by steps that regard the limits and by others; angles against those with derivatives."""
+"""The search for a pose, by steps that regard the limits and by others, against exact minima and a general solver."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from core.devices.inverse_kinematics import inverse_kinematics
 from core.devices.lateral_stage import LateralStage
 from core.devices.thimble import mechanism
 from core.errors import DermisError
-from core.matching.descent import Descent
-from core.matching.gauss_newton import EXACT, HARDLY, LATER, ServoLimits
+from core.matching.descent import LATER, Descent
+from core.matching.minimum import EXACT, GIVES_WAY, HARDLY, ServoLimits
 from core.presets import Library
+from tests.thimbles import leg_margins
 
 DEVICE = mechanism(Library().device("thimble_3rrs"))
+NEUTRAL = np.array([0.0, 0.0, 0.018])
 MATRIX = np.random.default_rng(5).normal(size=(8, 3)) * [1.0, 1.0, 100.0]
 
 SLOPE = np.vstack([np.diag([1.0, 1.0, 100.0]), np.zeros(3)])
@@ -25,9 +27,9 @@ def descend(evaluate, target, start, device, *args, **how):
     return Descent(device)(evaluate, target, start, *args, **how)
 
 
-def minimise(evaluate, target, start, device):
+def minimise(evaluate, target, start, device, **rules):
     """The same with steps that regard the limits from the first on."""
-    return Descent(device, bounded=True)(evaluate, target, start)
+    return Descent(device, bounded=True, **rules)(evaluate, target, start)
 
 
 def curved(x):
@@ -40,7 +42,7 @@ def test_plain_angles_are_the_angles():
     rng = np.random.default_rng(1)
     for _ in range(200):
         x = np.array([*rng.uniform(-0.5, 0.5, 2), 0.018 + rng.uniform(-3e-3, 3e-3)])
-        if not (DEVICE.leg_margins(x) > 0).all():
+        if not (leg_margins(DEVICE, x) > 0).all():
             continue
         np.testing.assert_allclose(
             inverse_kinematics(DEVICE, *x)[0], DEVICE.angles_from_neutral(DEVICE.pose(x))[0], atol=1e-12
@@ -51,10 +53,9 @@ def test_plain_angles_are_the_angles():
 
 def test_inside_is_what_the_constraints_say():
     limits = ServoLimits.of(DEVICE)
-    low, high = limits.low.tolist(), limits.high.tolist()
     for at in ((0.0, 0.0, 0.0), (0.5, 0.3, 0.0), (-0.2, 0.55, 0.0)):
-        poses = [(*at[:2], z) for z in np.linspace(0.008, 0.03, 60) if (DEVICE.leg_margins((*at[:2], z)) > 0).all()]
-        told = [DEVICE.within(*x, low, high) for x in poses]
+        poses = [(*at[:2], z) for z in np.linspace(0.008, 0.03, 60) if (leg_margins(DEVICE, (*at[:2], z)) > 0).all()]
+        told = [DEVICE.feasible(x) for x in poses]
         assert told == [bool(limits.constraints(DEVICE, np.array(x)).min() >= 0.0) for x in poses]
         assert any(told) and not all(told)
 
@@ -195,3 +196,81 @@ def test_a_step_beyond_the_limits_is_never_taken_without_a_look():
     found = descend(flat, target, start, DEVICE, limits, foreseen=0.02)
     assert found.active and found.why != "foreseen" and found.room.min() >= 0.0
     np.testing.assert_allclose(found.stimulus, flat(found.x)[0], atol=1e-12)
+
+
+def test_a_linear_model_is_solved_in_one_step(device):
+    rng = np.random.default_rng(1)
+    jacobian = rng.normal(size=(10, 3)) / np.array([1.0, 1.0, device.platform_radius])
+    wanted = NEUTRAL + [0.05, -0.04, 0.0003]
+    found = minimise(lambda x: (jacobian @ (x - NEUTRAL), jacobian), jacobian @ (wanted - NEUTRAL), NEUTRAL, device)
+    np.testing.assert_allclose(found.x, wanted, atol=1e-7)
+    assert found.iterations <= 2 and found.why == "exact" and not found.active
+    assert found.kkt <= 1e-7, "relative to the target: the direction of a rounding is no doubt"
+
+
+def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
+    """A target far outside of the workspace, against scipy's SLSQP from the same start."""
+    from scipy.optimize import minimize
+
+    scale = np.array([1.0, 1.0, device.platform_radius])
+    for wanted in ([1.0, 0.2, 0.018], [0.1, -0.9, 0.021], [-0.6, 0.8, 0.008]):
+        goal = np.array(wanted) / scale
+        found = minimise(
+            lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, most_steps=60, most_evaluations=200
+        )
+        other = minimize(
+            lambda y, to: 0.5 * ((y - to) ** 2).sum(),
+            NEUTRAL / scale,
+            (goal,),
+            jac=lambda y, to: y - to,
+            method="SLSQP",
+            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale, *device.servo_limits)},
+            options={"ftol": 1e-13},
+        )
+        assert found.room.min() >= 0.0 and found.active
+        assert found.kkt < 0.02
+        assert found.cost <= other.fun * (1 + 2e-3)
+        np.testing.assert_allclose(found.x / scale, other.x, atol=0.03)
+
+
+def test_a_target_beyond_a_singular_pose_ends_at_the_least_singularity_margin(device):
+    """The mechanism's seventh limit, against SLSQP; the six of the servos alone would let it pass."""
+    from scipy.optimize import minimize
+
+    scale = np.array([1.0, 1.0, device.platform_radius])
+    for pitch, roll, z in ((36.0, -24.0, 0.0176), (36.5, 2.0, 0.017), (-33.0, -21.0, 0.0165)):
+        goal = np.array([np.radians(pitch), np.radians(roll), z]) / scale
+        room = device.constraints(goal * scale, *device.servo_limits)
+        assert room[:6].min() > 0 > room[6]
+        found = minimise(
+            lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, most_steps=60, most_evaluations=200
+        )
+        other = minimize(
+            lambda y, to: 0.5 * ((y - to) ** 2).sum(),
+            NEUTRAL / scale,
+            (goal,),
+            jac=lambda y, to: y - to,
+            method="SLSQP",
+            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale, *device.servo_limits)},
+            options={"ftol": 1e-13, "maxiter": 300},
+        )
+        assert found.room.min() >= 0.0 and GIVES_WAY in found.active and found.kkt < 0.02
+        assert found.cost <= other.fun * (1 + 2e-3)
+        turned = device.forward(inverse_kinematics(device, *found.x)[0], NEUTRAL)
+        np.testing.assert_allclose(turned, found.x, atol=1e-9)
+
+
+def test_tried_points_keep_the_limits_and_the_cost_falls(device):
+    """A curved valley that leads along and beyond the limits."""
+    seen = []
+
+    def evaluate(x):
+        seen.append(device.constraints(x, *device.servo_limits).min())
+        p, r, z = x[0], x[1], (x[2] - 0.018) / 0.01
+        return np.array([3 * (r - p * p - 0.4), 1.0 - p, z - p * r]), np.array(
+            [[-6 * p, 3.0, 0.0], [-1.0, 0.0, 0.0], [-r, -p, 100.0]]
+        )
+
+    found = minimise(evaluate, np.zeros(3), NEUTRAL, device, most_steps=60, most_evaluations=200)
+    assert min(seen) >= 0.0
+    assert found.cost < found.start_cost and found.active

@@ -61,7 +61,7 @@ def test_a_length_in_millimetres_is_the_same_length(parts) -> None:
 
 def test_after_a_change_of_the_contact_nothing_old_is_used(parts, tmp_path: Path, monkeypatch) -> None:
     names = description_tables.sources()
-    assert "contact/solver/solve.py" in names and "devices/disc.py" in names and "skin/condense.py" in names
+    assert "contact/solver/sweeps.py" in names and "devices/disc.py" in names and "skin/condense.py" in names
     for name in names:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(description.CORE / name, tmp_path / name)

@@ -106,9 +106,6 @@ def test_both_ends_agree_whatever_their_sizes() -> None:
     skin = Patches(points, normals, flat.sides, flat.areas)
     kernel = surface_kernel(skin, skin, 0.48).reshape(120, 120)
     assert kernel == pytest.approx(kernel.T, rel=1e-12, abs=1e-12 * kernel.max())
-    single = surface_kernel(skin, skin, 0.48, np.float32)
-    assert single.dtype == np.float32
-    assert single.reshape(120, 120) == pytest.approx(kernel, rel=1e-5, abs=1e-6 * kernel.max())
     twice = Patches(2 * points, normals, 2 * flat.sides, 4 * flat.areas)
     assert surface_kernel(twice, twice, 0.48).reshape(120, 120) == pytest.approx(0.5 * kernel, rel=1e-12)
 

@@ -9,6 +9,7 @@ from core.skin.model import fingertip_skin
 from core.skin.stress_table import StressTable
 from core.skin.surface_compliance import SurfaceCompliance
 from core.skin.surface_store import smooth_pad
+from tests.pad_cells import descendants
 
 DEPTH = 0.3e-3
 
@@ -53,7 +54,7 @@ def test_the_coarsest_cells_are_exact_and_any_of_the_probes_may_be_asked(pad: Su
 def test_an_edge_on_finer_cells_is_three_hundredths_off_at_most(pad: SurfaceCompliance, level: int) -> None:
     """All the force is on a line along the finger, so each coarsest cell carries it at one side."""
     made, chart = table(pad), pad.chart
-    fine, _ = chart.descendants(largest(pad), level)
+    fine, _ = descendants(chart, largest(pad), level)
     across = np.abs(pad.cells.positions[fine, 0] - 0.1e-3)
     cells = fine[across < 0.5 * np.sqrt(pad.cells.areas[fine]).max()]
     force = np.tile([2e-3, 0.0, 5e-3], (len(cells), 1))

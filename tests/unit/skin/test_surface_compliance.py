@@ -39,6 +39,7 @@ from core.skin.surface_store import (
 )
 from core.steps import drain
 from core.work.jobs import JOBS, Job
+from tests.pad_cells import descendants
 from tests.tissue import probes_at
 
 Array = NDArray[np.float64]
@@ -219,7 +220,7 @@ def test_the_force_of_a_large_cell_is_spread_above_a_probe(pad: SurfaceComplianc
     chart = pad.chart
     cells = chart.base[np.linalg.norm(pad.cells.positions[chart.base], axis=1) < 2.5e-3]
     force = -1e-3 * pad.cells.normals[cells]
-    fine, owner = chart.descendants(cells, 2)
+    fine, owner = descendants(chart, cells, 2)
     share = pad.cells.areas[fine] / np.bincount(owner, pad.cells.areas[fine])[owner]
     for depth, allowed in ((0.3e-3, 0.015), (2e-3, 0.015)):
         probes = pad.probes(chart.places[cells], depth)

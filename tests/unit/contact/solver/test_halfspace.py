@@ -8,9 +8,8 @@ import pytest
 from core.contact.solver.bodies import ContactBody, NodeGaps
 from core.contact.solver.cone import OPEN, STICK
 from core.contact.solver.path_solver import PathSolver
-from core.contact.solver.solve import solve
 from core.surface.plane import Plane
-from tests.contact_laws import with_tangents
+from tests.contact_laws import solve, with_tangents
 from tests.problems import half_space_compliance, square_grid
 
 YOUNG, POISSON = 1e5, 0.5

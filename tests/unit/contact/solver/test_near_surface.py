@@ -7,7 +7,7 @@ import pytest
 
 from core.contact.solver.between import between
 from core.contact.solver.bodies import ContactBody
-from core.contact.solver.near_surface import NearTriangles
+from core.contact.solver.near_surface import NearSurface, NearTriangles
 from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.sub_stepper import SubStepper
 from core.surface.gap import Surface
@@ -35,7 +35,7 @@ def test_near_the_finger_it_says_what_the_whole_surface_says(share, balls):
     near = NearTriangles.about(start, end, box)
     assert near is not None and near.chosen.size < 0.2 * len(start.triangles)
     vertices = (1.0 - share) * start.vertices + share * end.vertices
-    whole, part = (s.query(points, REACH) for s in (Surface.build(vertices, end.triangles), near.at(share)))
+    whole, part = (s.query(points, REACH) for s in (Surface.build(vertices, end.triangles), NearSurface(near, share)))
     assert (whole.gap < 0.0).any() and (whole.gap > 0.0).any()
     assert end.tangled == (balls > 1)
     for name in ("gap", "normal", "point"):

@@ -12,12 +12,11 @@ from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import SLIP, STICK
 from core.contact.solver.history import ContactHistory
 from core.contact.solver.path_solver import PathSolver
-from core.contact.solver.solve import solve
 from core.scene.tactile_scene import Body, Chunk, Mesh
 from core.surface.gap import Surface
 from core.surface.plane import Plane
 from core.surface.topology import cut_otherwise
-from tests.contact_laws import complementarity_residual, cone_residual
+from tests.contact_laws import complementarity_residual, cone_residual, solve
 
 MU = 0.6
 UP = np.array([0.0, 0.0, 1.0])

@@ -19,7 +19,8 @@ from core.shipped import BUILT_IN
 from core.skin.surface_compliance import SurfaceCompliance
 from core.skin.surface_store import surface_compliance
 from core.surface.gap import Surface
-from tests.kernel_arrays import drawn_survey, opened
+from tests.kernel_cases.bodies import drawn_survey
+from tests.kernel_cases.case import opened
 from tests.overlaps import overlap
 from tests.steps import step
 

@@ -10,7 +10,7 @@ from core.contact.solver.cone import assess
 from core.contact.solver.sweeps import sweep
 from core.errors import DermisError
 
-from .test_solve import random_problem
+from .test_solution import random_problem
 
 
 def given(seed=3, nodes=20, dtype=np.float64):

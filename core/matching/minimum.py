@@ -1,4 +1,4 @@
-"""Parts of the Gauss-Newton searches for a pose: limits, results, and the rules by which they end.
+"""Result of a search for a pose, the bounds of the joints, and the rules by which searches end.
 
 `descent` searches for a thimble's pose, `box_descent` for that of any other device.
 
@@ -29,18 +29,13 @@ SMALL_GAIN = 1e-3
 # Share of the cost, 0.13 % of the mismatch. A step that promises a smaller reduction is not tried. Where a full step
 # gains no more than this, the KKT residual is at most 0.05.
 HARDLY = 2.5e-3
-# The same share for steps after the first, if another frame follows; 0.5 % of the mismatch.
-LATER = 1e-2
-# Smallest reach, and the reach from which a full step is tried first; both are shares of a full step, see `reach_of`.
+# Smallest reach, and the reach from which a full step is tried first, as shares of a full step; see `box_descent`.
 LEAST_REACH, NEARLY = 0.25, 0.8
 MAX_ITERATIONS = 20
 MAX_EVALUATIONS = 16  # bounds the time of a frame; longer searches creep along kinks for hardly any gain
 SHORTEST = 1.0 / 64.0  # shortest share of a step that is tried
 LONGEST = 0.35  # longest step [rad]; no linearisation holds farther
 ARMIJO = 1e-4  # share of the predicted reduction that a step must reach
-DAMPING = 1e-9  # share of the largest diagonal element; keeps a step unique if only one node touches
-ON_LIMIT = 1e-9  # a start may violate a limit by this much [rad]
-RESTORING = 4  # attempts to bring a point back within the limits
 GIVES_WAY = 6  # the constraint that keeps the platform from giving way
 
 
@@ -130,38 +125,3 @@ class ServoLimits:
             DermisError: a leg cannot reach.
         """
         return device.constraints(x, self.low, self.high)
-
-
-def shorter(share: float, cost: float, new_cost: float, descent: float) -> float:
-    """Return the factor by which to shorten a step, 0.1 to 0.5.
-
-    The factor leads to the minimum of the parabola through the costs at both ends of the step and the slope at its
-    start.
-
-    Args:
-        share: share of a full step that was tried.
-        cost, new_cost: cost at the start and at the end.
-        descent: rate at which the cost falls at the start, for a full step.
-    """
-    curve = new_cost - cost + share * descent
-    return float(min(max(0.5 * share * descent / curve, 0.1), 0.5)) if curve > 0 else 0.5
-
-
-def promised(share: float, cost: float, new_cost: float, descent: float) -> float:
-    """Return how far the parabola of a step falls below the cost at its start; inf if it has no minimum.
-
-    Parabola and arguments are those of `shorter`.
-    """
-    curve = new_cost - cost + share * descent
-    return 0.25 * (share * descent) ** 2 / curve if curve > 0 else math.inf
-
-
-def reach_of(share: float, cost: float, new_cost: float, descent: float) -> float:
-    """Return the share of a full step at which its parabola is least, from `LEAST_REACH` to 1.
-
-    A touch that no pose can render leaves a large residual. Gauss-Newton neglects the curvature that this residual
-    adds, and its steps are then too long. The reach of one step is used for the next step, and for the next frame.
-    Parabola and arguments are those of `shorter`.
-    """
-    curve = new_cost - cost + share * descent
-    return min(max(0.5 * share * share * descent / curve, LEAST_REACH), 1.0) if curve > 0 else 1.0

@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.contact.solver.cone import OPEN, SLIP, STICK, along, natural_residual
-from core.contact.solver.solve import solve
-from core.errors import DermisError
-from tests.contact_laws import complementarity_residual, cone_residual, slip_residual, with_tangents
+from core.contact.solver.cone import OPEN, SLIP, STICK, along, assess
+from tests.contact_laws import complementarity_residual, cone_residual, slip_residual, solve, with_tangents
 
 LAWS = 1e-8
 
 
 def laws(solution, limit=LAWS):
     """No tension, no force outside the cone, no penetration, no sliding under a sticking node."""
-    assert solution.converged, (solution.method, solution.residual)
+    assert solution.converged, solution.residual
     assert solution.normal_force.min(initial=0.0) >= -1e-15
     assert complementarity_residual(solution) <= limit
     assert cone_residual(solution) <= limit
@@ -90,7 +88,7 @@ def test_one_node_in_closed_form():
     np.testing.assert_allclose(slipped.displacement, [[0.0, 1.5e-4, -2e-4]], atol=1e-13)
     assert slipped.status[0] == SLIP
     apart = solve(c, [1e-6, 1.0, 1.0], 0.5)
-    assert apart.method == "none" and not apart.force.any() and apart.status[0] == OPEN
+    assert not apart.iterations and not apart.force.any() and apart.status[0] == OPEN
 
 
 def test_coupled_normal_and_slip_in_closed_form():
@@ -184,26 +182,10 @@ def test_residuals_notice_what_is_wrong():
     turned = s.displacement.copy()
     turned[:, 1:] = -turned[:, 1:]
     assert slip_residual(replace(s, displacement=turned)) > 1e-3
-    assert natural_residual(sheared, s.displacement, s.normals, s.friction, 1e3) > 1e-3
-
-
-def test_what_cannot_be_solved_is_refused():
-    good = np.eye(3) * 1e-3
-    for compliance, offset, friction in (
-        (np.eye(4), np.zeros(4), 0.5),
-        (good, np.zeros(2), 0.5),
-        (good, [np.nan, 0, 0], 0.5),
-        (good, [-1e-3, 0, 0], -0.1),
-        (-good, [-1e-3, 0, 0], 0.5),
-        (np.array([[1, 1, 0], [0, 1, 0], [0, 0, 1.0]]), [-1.0, 0, 0], 0.5),
-    ):
-        with pytest.raises(DermisError):
-            solve(compliance, offset, friction)
-    with pytest.raises(DermisError):
-        solve(good, [-1e-3, 0, 0], 0.5, softness=-1.0)
+    assert assess(sheared, s.displacement, s.normals, s.friction, 1e3)[0] > 1e-3
 
 
 def test_an_unsolved_problem_says_so():
     compliance, offset, friction = random_problem(1, 10)
     s = solve(compliance, offset, friction, tolerance=0.0)
-    assert not s.converged and 0.0 < s.residual < 1e-10 and s.method == "sweeps"
+    assert not s.converged and 0.0 < s.residual < 1e-10

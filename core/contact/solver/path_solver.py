@@ -111,7 +111,7 @@ class PathSolver:
         refuse_indefinite(c, name)
         # skin bulges by no more than an object is pressed in, so nodes beyond this radius are not touched
         self.search_radius = max(2.5 * spacing(self.points), 2.5e-3)
-        self._touching: ContactPoints = self.nodes
+        self._contact_points: ContactPoints = self.nodes
         self._contact = SmoothContact(self.search_radius, self.bone)
         self.history = ContactHistory(m)
         self._zero = np.zeros((m, 3))
@@ -272,7 +272,7 @@ class PathSolver:
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps without solving the frame."""
         bodies = tuple(bodies)  # `ContactHistory` keeps anchors for this very tuple, so `offset` finds them
-        return self._contact.look(self._touching, bodies, self._expected(bodies) - self.points)
+        return self._contact.look(self._contact_points, bodies, self._expected(bodies) - self.points)
 
     def _expected(self, bodies: Sequence[ContactBody]) -> Array:
         """Return the expected places of the skin in the next frame."""
@@ -388,7 +388,7 @@ class PathSolver:
     def iterated(self, b: Array, shift: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
         """Solve a frame on linear skin from forces to start from [N], shape (m, 3); see `LinearContact.iterated`."""
         if gaps.where is not None:
-            return self._contact.solve(self._touching, b, gaps, start, shift, self.tolerance, CHECK * self.tolerance)
+            return self._contact.solve(self._contact_points, b, gaps, start, shift, self.tolerance, CHECK * self.tolerance)
         normal, mu = gaps.normal, gaps.friction
         found = sweep(self._matrix, b + shift, normal, mu, soft, start, self.tolerance, MOST_SWEEPS)
         w, status, goal = found.displacement, found.status, CHECK * self.tolerance

@@ -72,7 +72,7 @@ class PointSolver(PathSolver):
         self.surface, self._spread = surface, nodes
         self.search_radius = REACH
         self._tree = PointTree(surface)
-        self._points = self._touching = PointSet(surface)
+        self._points = self._contact_points = PointSet(surface)
         self._contact = SmoothContact(REACH, self.bone)
         self.history = ContactHistory(0)
         self._asked: tuple[ContactBody, ...] | None = None

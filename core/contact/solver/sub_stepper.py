@@ -22,6 +22,7 @@ from .near_surface import NearTriangles
 from .path_solver import PathSolver
 from .path_step import PathStep
 from .press_watch import MODULUS, PressWatch
+from .release_watch import ReleaseWatch
 
 # Largest normal movement in a part of a frame [m], and largest movement in any direction if the normals turn [m].
 PRESSING, TURNING = 0.1e-3, 0.1e-3
@@ -65,7 +66,7 @@ class SubStepper:
         self.solver, self.deepest = solver, deepest
         self._left: frozenset[int] = frozenset()  # bodies that are ignored until the finger is outside
         self._facing: dict[int, float] = {}  # signed volume of each closed body: positive if its normals point outwards
-        self._press = PressWatch(modulus)
+        self._press, self._release = PressWatch(modulus), ReleaseWatch()
         self._number = 0.0  # of the frame, for findings
         self.coarse = self.cut = False
 
@@ -75,18 +76,23 @@ class SubStepper:
 
     def adopted(self) -> None:
         """Continue from a frame that was solved elsewhere."""
+        self._forget()
+
+    def _forget(self) -> None:
         self._press.forget()
+        self._release.forget()
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
-        own = {"left": self._left, "facing": dict(self._facing), "press": self._press.save()}
-        return {"solver": self.solver.save(), **own}
+        watched = {"press": self._press.save(), "release": self._release.save()}
+        return {"solver": self.solver.save(), "left": self._left, "facing": dict(self._facing), **watched}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a saved state."""
         self.solver.restore(state["solver"])
         self._left, self._facing = state["left"], dict(state["facing"])
         self._press.restore(state["press"])
+        self._release.restore(state["release"])
 
     def step(
         self,
@@ -115,7 +121,7 @@ class SubStepper:
         start: Sequence[ContactBody] = (*came, *bodies[len(came) :])  # others came since
         begins = self.solver.fresh
         if begins:
-            self._press.forget()
+            self._forget()
             start = self._start(bodies, before, gaps)
         ways = self._ways(start, bodies, gaps)
         if begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies) and _rub(bodies):
@@ -136,6 +142,15 @@ class SubStepper:
                 self._number,
                 value=f"{lost:.0%} less",
                 remedy="Press less deep, or give it more friction",
+            )
+        released = self._release.released(start, step, self.solver.points)
+        if released:
+            self.solver.notes.warn(
+                "lets-go",
+                "the skin lets go of an object at once, sooner or later by how often its way is sampled",
+                self._number,
+                value=f"{released:.0%} of the force",
+                remedy="Press less deep, use less friction, or round the edge that the skin hangs on",
             )
         if touched and not self.solver.loaded.any():
             self.solver.reset()  # after skin has lifted off, the next touch has no history

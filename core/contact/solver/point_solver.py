@@ -174,14 +174,8 @@ class PointSolver(PathSolver):
         return self.nodes.gather(self.cells, self.law.beyond)
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
-        """Measure the next frame's gaps, without solving the frame.
-
-        If bodies move far and press nothing yet, the frame begins a touch: what was near before it is forgotten. Its
-        points would not be those that the bodies reach, so the way to them would not be known.
-        """
+        """Measure the next frame's gaps, without solving the frame."""
         slow = all(travel(a, b, self._sample) <= SLOW for a, b in paired(self._bodies, bodies))
-        if not slow and not self.loaded.any():
-            self.reset()
         return self._looked(tuple(bodies), slow)
 
     def step(

@@ -123,8 +123,11 @@ class SubStepper:
         if begins:
             self._forget()
             start = self._start(bodies, before, gaps)
-        ways = self._ways(start, bodies, gaps)
-        if begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies) and _rub(bodies):
+        arrived = {} if begins else self._arrived(start, bodies, before)
+        start = [arrived.get(i, body) for i, body in enumerate(start)]
+        arriving = max((travel(a, bodies[i], self.solver.pad) for i, a in arrived.items()), default=0.0)
+        ways = self._ways(start, bodies, gaps, int(np.ceil(arriving / PRESSING)))
+        if (arrived or begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies)) and _rub(bodies):
             ways.insert(0, list(start))  # friction begins at the first touch
         for way in ways:
             self.solver.step(way, part=True)
@@ -159,10 +162,10 @@ class SubStepper:
     # -- the way -------------------------------------------------------------------------------------------------
 
     def _ways(
-        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, fewest: int = 1
     ) -> list[list[ContactBody]]:
-        """Return the bodies at the end of each part of the frame but the last."""
-        parts = self._parts(start, bodies, gaps)
+        """Return the bodies at the end of each part of the frame but the last, of which there are so many at least."""
+        parts = max(self._parts(start, bodies, gaps), fewest)
         if self.coarse and parts > COARSE_PARTS:
             parts, self.cut = COARSE_PARTS, True
         last, fast = self.solver.gaps, parts > MAX_PARTS
@@ -268,6 +271,26 @@ class SubStepper:
                     remedy="Begin where the finger is outside",
                 )
         return start
+
+    def _arrived(
+        self,
+        start: Sequence[ContactBody],
+        bodies: Sequence[ContactBody],
+        before: Callable[[], Sequence[ContactBody] | None],
+    ) -> dict[int, ContactBody]:
+        """Return bodies that come in from outside, where they first touch, by their indices.
+
+        The gaps of a frame show them only where points are near them already.
+        """
+        loaded, pad, found = self.solver.loaded_bodies, self.solver.pad, {}
+        for i, body in enumerate(bodies):
+            if body.away or i in loaded:
+                continue
+            known = before() if start[i].away else start
+            came = known[i] if known is not None and i < len(known) else AWAY
+            if travel(came, body, pad) > PRESSING and self._gap([body]) < -OUTSIDE <= self._gap([came]):
+                found[i] = self._first_touch([came], [body])[0]
+        return found
 
     def _retreat(self, body: ContactBody) -> float | None:
         """Return the distance by which a body must be lowered for the finger to be outside [m].

@@ -29,7 +29,6 @@ from core.skin.surface_store import surface_compliance
 from core.surface.gap import Surface
 from core.surface.shapes import block
 from tests.contact_laws import cone_residual
-from tests.stress.paths import Press
 
 
 @pytest.fixture(scope="module")
@@ -397,17 +396,3 @@ def test_the_compliance_follows_its_cells(pad):
     force = np.zeros((len(kept.cells), 3))
     force[3] = 0.1, -0.2, 0.3
     np.testing.assert_allclose(kept.displacement(force).ravel(), exact @ force.ravel(), atol=1e-5 * exact.max())
-
-
-def test_what_comes_in_from_the_side_in_one_sample_rubs_as_in_four() -> None:
-    """A pillar is near the pad, then 1.5 mm farther on it; its force along the pad was that of one pressed straight."""
-    values = {"level": "draft", "poisson": 0.48, "tissue": "linear", "young": 1e5, "contact": "points"}
-    values |= {"shape": "pillar", "size": 1.6e-3, "angle": 1.5, "facets": 80, "slivers": 0, "mesh_seed": 0}
-    press = Press({**values, "tilt": 10.0, "roll": 0.0, "x": -1.4e-3, "y": 1.5e-3})
-    forces = []
-    for often in (1, 4):
-        way = np.linspace(-2.0, 0.0, 2 * often + 1)[:, None] * [1.3e-3, 0.7e-3, 0.0]
-        felt = press.feel([press.thing(way + [0.0, 0.0, 0.1e-3], 1.0)], step=1.0 / 240.0 / often)
-        forces.append(felt.resultant[-1])
-    assert np.hypot(*forces[1][:2]) > 0.5 * forces[1][2]
-    assert np.linalg.norm(forces[0] - forces[1]) < 0.01 * np.linalg.norm(forces[1])

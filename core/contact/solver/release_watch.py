@@ -15,6 +15,7 @@ import numpy as np
 
 from ...arrays import Array, Indices
 from .bodies import ContactBody, moved
+from .cone import along
 from .path_step import PathStep
 
 # OWN: way of the loaded skin over that of the objects from which on most of it is the skin's own.
@@ -27,7 +28,8 @@ class _Drawn(NamedTuple):
     """Skin that carried force in a frame.
 
     Attributes:
-        points: its undeformed positions [m], shape (n, 3). body: index of the body at each point, shape (n,).
+        points: points of the undeformed skin [m], shape (m, 3). body: index of the body at each point, shape (m,).
+        loaded: indices of the points that carried force, shape (n,).
         way: its mean displacement, weighted by the forces [m], shape (3,).
         force: sum of the forces [N], shape (3,).
         most: largest size of that sum in this touch so far [N].
@@ -35,6 +37,7 @@ class _Drawn(NamedTuple):
 
     points: Array
     body: Indices
+    loaded: Indices
     way: Array
     force: Array
     most: float
@@ -67,37 +70,38 @@ class ReleaseWatch:
             points: points of the undeformed skin [m], shape (m, 3).
         """
         before, now = self._drawn, _drawn(step, points)
-        most = max(float(np.linalg.norm(part.force)) for part in (before, now) if part) if before or now else 0.0
-        most = max(most, before.most if before else 0.0)
-        self._drawn = now._replace(most=most) if now else None
-        far = _way(came, step, before) if before else np.inf
-        after, way = (now.force, now.way) if now else (np.zeros(3), np.zeros(3))
-        if before is None or not np.linalg.norm(way - before.way) > OWN * far:
+        size = 0.0 if now is None else float(np.sqrt(now.force @ now.force))
+        self._drawn = None if now is None else now._replace(most=max(size, before.most if before else 0.0))
+        if before is None or not before.most > 0.0:  # there is no share of nothing
             return 0.0
-        share = float(np.linalg.norm(after - before.force)) / most
-        return share if share > SEEN else 0.0
+        change = before.force if now is None else now.force - before.force
+        share = float(np.sqrt(change @ change)) / max(size, before.most)
+        if share <= SEEN:
+            return 0.0
+        went = before.way if now is None else now.way - before.way
+        return share if np.sqrt(went @ went) > OWN * _way(came, step, before) else 0.0
 
 
 def _drawn(step: PathStep, points: Array) -> _Drawn | None:
     """Return the skin that carries force after a frame; None if none does."""
-    loaded, force = step.solution.loaded.nonzero()[0], step.solution.force
+    loaded = step.solution.loaded.nonzero()[0]
     if step.gaps is None or not len(loaded):
         return None
-    force = force.take(loaded, axis=0)
-    size = np.sqrt((force * force).sum(axis=1))
+    force = step.solution.force.take(loaded, axis=0)
+    size = np.sqrt(along(force, force))
     way = size @ step.displacement.take(loaded, axis=0) / size.sum()
-    return _Drawn(points.take(loaded, axis=0), step.gaps.body.take(loaded), way, force.sum(axis=0), 0.0)
+    return _Drawn(points, step.gaps.body, loaded, way, force.sum(axis=0), 0.0)
 
 
 def _way(came: Sequence[ContactBody], step: PathStep, drawn: _Drawn) -> float:
     """Return how far the bodies that pressed moved in the frame at most [m]; infinite where it is not known."""
-    far = 0.0
-    for index in set(drawn.body.tolist()):
+    far, body = 0.0, drawn.body.take(drawn.loaded)
+    for index in set(body.tolist()):
         if step.gaps is None or index < 0 or index >= min(len(came), len(step.gaps.bodies)):
             return np.inf
         a, b = came[index], step.gaps.bodies[index]
         if a.away or b.away or a.surface is not b.surface:
             return np.inf
-        way = moved(a, b, drawn.points[drawn.body == index])
+        way = moved(a, b, drawn.points[drawn.loaded[body == index]])
         far = max(far, float(np.sqrt((way * way).sum(axis=1)).max()))
     return far

@@ -1,7 +1,8 @@
 """CoarseTouches: detection of contacts that a skin's mesh does not resolve.
 
-A contact is too small for the mesh, or the object is too sharply curved. Each touch is judged at the sample of largest
-force, because every touch begins with a negligible force on a single node.
+A contact is too small for the mesh, or the object is too sharply curved. At the nodes of a mesh normals are those of
+faces, so such a contact has several solutions, and the way there decides between them. Each touch is judged at the
+sample of largest force, because every touch begins with a negligible force on a single node.
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ FEWEST_NODES = 12
 # Largest angle between the object's normals at two neighbouring nodes [rad]. The object's radius of curvature is then
 # four spacings. At edges the angle is ten times as large, whatever the mesh.
 SHARPEST_TURN = 0.25
+# What it means, in the words of the finding.
+HANGS = ", and the force depends on the way there and on how often it is sampled"
 
 
 class _Peak(NamedTuple):
@@ -72,11 +75,11 @@ class CoarseTouches:
         peak, self._peak = self._peak, NOTHING
         remedy = "Solve its contact on points of the smooth skin, or on a finer mesh"
         if 0 < peak.nodes < FEWEST_NODES:
-            what = "the contact is smaller than the mesh: too few nodes carry it"
+            what = "the contact is smaller than the mesh: too few nodes carry it" + HANGS
             limit = f">= {FEWEST_NODES} nodes"
             self._notes.warn("smaller-than-mesh", what, peak.frame, value=peak.nodes, limit=limit, remedy=remedy)
         elif peak.turn > SHARPEST_TURN:
-            what = "the contact is smaller than the mesh: what presses bends between two nodes"
+            what = "the contact is smaller than the mesh: what presses bends between two nodes" + HANGS
             value, limit = (f"{np.degrees(angle):.0f} degrees" for angle in (peak.turn, SHARPEST_TURN))
             self._notes.warn("smaller-than-mesh", what, peak.frame, value=value, limit=f"<= {limit}", remedy=remedy)
 

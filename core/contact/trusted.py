@@ -1,12 +1,12 @@
 """Range of penetration and slide within which a model of the tissue is trusted.
 
-Beyond it, frames are reported. For linear skin, the range is a fixed penetration. For nonlinear skin, it is the largest
-penetration and slide at which the error of the model was measured to be at most `WORST`.
+Beyond it, frames are reported. For linear skin, the range of the penetration is fixed; for nonlinear skin, it is the
+largest penetration at which the error of the model was measured to be at most `WORST`. The range of the slide is the
+largest one that was measured to add at most as much to the error.
 """
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -37,8 +37,12 @@ def trusted(tissue: str) -> Range:
     Raises:
         DermisError: the tissue model is unknown.
     """
-    if tissue == LINEAR:
-        return Range(DEPTH_LIMIT, math.inf)
     deep = [d for d in DEPTHS if error_band(tissue, d).stress.median <= WORST]
-    far = [s for s in SLIDES if error_band(tissue, SLID_AT, s).stress.median <= WORST]
-    return Range(max(deep, default=DEPTHS[0]), max(far, default=SLIDES[0]))
+    far = [s for s in SLIDES if _stress(tissue, s) - _stress(tissue, 0.0) <= WORST]
+    depth = DEPTH_LIMIT if tissue == LINEAR else max(deep, default=DEPTHS[0])
+    return Range(depth, max(far))
+
+
+def _stress(tissue: str, slide: float) -> float:
+    """Return the median error of the stress of a tissue that slid, at the depth at which slides were measured."""
+    return error_band(tissue, SLID_AT, slide).stress.median

@@ -51,25 +51,12 @@ class Known:
 BESIDE = 0.05  # of the spacing of nodes: a loaded node so near to an edge lies on it; the cells of points are wider
 
 
-def _one_node(facts: Mapping[str, float]) -> bool:
-    return facts["loaded"] <= 1
-
-
 def _node_on_edge(facts: Mapping[str, float]) -> bool:
     return facts["cells"] < BESIDE
 
 
 # No row is of an edge or a corner sharper than cells of skin: contact fails there too often for a row.
 KNOWN: tuple[Known, ...] = (
-    Known(
-        "again",
-        "again",
-        (760006,),
-        "one node carries the touch: which face of a body it lies on depends on the way there",
-        below=2.0,
-        quota=25,
-        where=_one_node,
-    ),
     Known(
         "card",
         "same",

@@ -50,7 +50,7 @@ SHORT = {
     "cables": (500, 60),
 }
 # Facts of cases as they were drawn and solved. To make them anew, with the families of rows:
-# `python3 build_addon.py stress again card --seed 0 --runs 120 --json tests/stress/sample.json`
+# `python3 build_addon.py stress card --seed 0 --runs 120 --json tests/stress/sample.json`
 SAMPLE = Path(__file__).resolve().parents[1] / "stress" / "sample.json"
 BY_NAME = {family.name: family for family in FAMILIES}
 INVARIANCES = {family.name for family in invariances.FAMILIES}  # `test_invariances.py` has a short form of them

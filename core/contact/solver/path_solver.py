@@ -55,7 +55,7 @@ FOLDS = {
     Fold.KEPT: "only a solution with skin folded into itself was found: its forces are too large",
 }
 # Attributes that a frame changes, besides the history. Each is replaced, never changed in place.
-_STATE = ("_force", "_last", "_image", "_step", "_bodies", "_at_rest", "frames", "_rubbing")
+_STATE = ("_force", "_last", "_image", "_sunk", "_step", "_bodies", "_at_rest", "frames", "_rubbing")
 
 
 class PathSolver:
@@ -138,7 +138,7 @@ class PathSolver:
         self.history.clear()
         self._force = self._zero
         self._last: Array | None = None  # forces of the frame before
-        self._image = self._zero
+        self._image = self._sunk = self._zero
         self._rubbing = UNMOVED
         self._step: PathStep | None = None
         self._bodies: tuple[ContactBody, ...] = ()
@@ -278,7 +278,7 @@ class PathSolver:
         """Return the expected places of the skin in the next frame."""
         drift = self._rubbing.drift
         way = None if drift is STILL else (drift.moved, drift.passed)
-        return self.history.expected(bodies, self.points + self._image, self.search_radius, self._force, way)
+        return self.history.expected(bodies, self.points + self._touching, self.search_radius, self._force, way)
 
     def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
         """Return the largest normal movement of the bodies' material [m].
@@ -305,14 +305,14 @@ class PathSolver:
         soft = gaps.compliance(self.areas, self.name)
         friction = FrameFriction(gaps, self.history, self.loaded, self._matrix, self._own, soft)
         if not from_rest:
-            friction.foresee(self._force, b, self._image, self._rubbing.changing)
+            friction.foresee(self._force, b, self._touching, self._rubbing.changing)
         solved = self._solve(b, gaps, soft)
         solution, image, work = solved.solution, solved.image, solved.work
         if solved.gaps is not None:
             gaps = friction.gaps = solved.gaps
         if not from_rest and work == "solved":
             friction.notice(solution)
-        self._remember(solved, friction)
+        self._remember(solved, friction, soft)
         nodal = self._zero if part else self.nodal(solution.force)
         step = PathStep(solution, image, gaps, work, from_rest, nodal, self.amounts, self.points, self.bone)
         if part:
@@ -352,6 +352,7 @@ class PathSolver:
             "sweeps",
         )
         self._last, self._force, self._image = None, force, self._apply(force)
+        self._sunk = gaps.compliance(self.areas, self.name)[:, None] * force
         self._bodies, self._at_rest, self._rubbing = gaps.bodies, False, UNMOVED
         self.counters["held"] += 1
         own = self.nodal(force), self.amounts, self.points, self.bone
@@ -407,14 +408,15 @@ class PathSolver:
         """Return the forces extrapolated from the last two frames."""
         return force if self._last is None else 2.0 * force - self._last
 
-    def _remember(self, solved: SolvedFrame, friction: FrameFriction) -> None:
+    def _remember(self, solved: SolvedFrame, friction: FrameFriction, soft: Array) -> None:
         """Keep the forces, the displacement and the friction history of a frame."""
         solution = solved.solution
         slides = friction.keep(solution, self.points, solved.image)
-        self._rubbing = friction.left(solution, self._force, solved.image - self._image)
+        sunk = soft[:, None] * solution.force
+        self._rubbing = friction.left(solution, self._force, solved.image + sunk - self._touching)
         self._at_rest = not slides
         self._last = self._force if self._force.any() else None
-        self._force, self._image = solution.force, solved.image
+        self._force, self._image, self._sunk = solution.force, solved.image, sunk
         self._bodies = friction.gaps.bodies
 
     # -- small parts ---------------------------------------------------------------------------------------------
@@ -423,6 +425,15 @@ class PathSolver:
     def amounts(self) -> Array | None:
         """Displacement of the pad nodes on linear skin minus that by the law [m], shape (3 m,); None on linear skin."""
         return None if self.law is None else self.law.amounts
+
+    @property
+    def _touching(self) -> Array:
+        """Where the points touch, from where they are at rest [m], shape (n, 3).
+
+        The surface of a soft body gives way below a point. Gap and friction follow the place on the surface as if it
+        had not: the place of the deformed point plus that by which the surface gives way.
+        """
+        return self._image + self._sunk
 
     def _apply(self, force: Array) -> Array:
         """Return the displacement under forces [m], shape (n, 3)."""

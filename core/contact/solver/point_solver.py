@@ -245,10 +245,13 @@ class PointSolver(PathSolver):
         heirs = heirs[history.body[main[heirs]] >= 0]
         former = np.full(count + new, -1, dtype=np.int64)
         former[:count], former[count + heirs] = order, main[heirs]
+        sunk, known = np.zeros((count + new, 3)), former >= 0
+        sunk[known] = self._sunk[former[known]]  # a pressure's, so parts of a cell have that of the cell
+        self._sunk = sunk
         self.history = history.rearranged(former)
         if len(heirs):
             heirs += count
-            self.history.anchor(heirs, self._bodies, self.points[heirs] + self._image[heirs])
+            self.history.anchor(heirs, self._bodies, self.points[heirs] + self._touching[heirs])
         if self._step is not None and self._step.gaps is not None:
             self._step = replace(self._step, gaps=passed_on(self._step.gaps, former))
         self._at_rest = False

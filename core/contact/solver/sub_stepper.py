@@ -22,6 +22,7 @@ from .near_surface import NearTriangles
 from .path_solver import PathSolver
 from .path_step import PathStep
 from .press_watch import MODULUS, PressWatch
+from .release_watch import ReleaseWatch
 
 # Largest normal movement in a part of a frame [m], and largest movement in any direction if the normals turn [m].
 PRESSING, TURNING = 0.1e-3, 0.1e-3
@@ -65,7 +66,7 @@ class SubStepper:
         self.solver, self.deepest = solver, deepest
         self._left: frozenset[int] = frozenset()  # bodies that are ignored until the finger is outside
         self._facing: dict[int, float] = {}  # signed volume of each closed body: positive if its normals point outwards
-        self._press = PressWatch(modulus)
+        self._press, self._release = PressWatch(modulus), ReleaseWatch()
         self._number = 0.0  # of the frame, for findings
         self.coarse = self.cut = False
 
@@ -75,18 +76,23 @@ class SubStepper:
 
     def adopted(self) -> None:
         """Continue from a frame that was solved elsewhere."""
+        self._forget()
+
+    def _forget(self) -> None:
         self._press.forget()
+        self._release.forget()
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
-        own = {"left": self._left, "facing": dict(self._facing), "press": self._press.save()}
-        return {"solver": self.solver.save(), **own}
+        watched = {"press": self._press.save(), "release": self._release.save()}
+        return {"solver": self.solver.save(), "left": self._left, "facing": dict(self._facing), **watched}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Go back to a saved state."""
         self.solver.restore(state["solver"])
         self._left, self._facing = state["left"], dict(state["facing"])
         self._press.restore(state["press"])
+        self._release.restore(state["release"])
 
     def step(
         self,
@@ -115,10 +121,13 @@ class SubStepper:
         start: Sequence[ContactBody] = (*came, *bodies[len(came) :])  # others came since
         begins = self.solver.fresh
         if begins:
-            self._press.forget()
+            self._forget()
             start = self._start(bodies, before, gaps)
-        ways = self._ways(start, bodies, gaps)
-        if begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies) and _rub(bodies):
+        arrived = {} if begins else self._arrived(start, bodies, before)
+        start = [arrived.get(i, body) for i, body in enumerate(start)]
+        arriving = max((travel(a, bodies[i], self.solver.pad) for i, a in arrived.items()), default=0.0)
+        ways = self._ways(start, bodies, gaps, int(np.ceil(arriving / PRESSING)))
+        if (arrived or begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies)) and _rub(bodies):
             ways.insert(0, list(start))  # friction begins at the first touch
         for way in ways:
             self.solver.step(way, part=True)
@@ -137,6 +146,15 @@ class SubStepper:
                 value=f"{lost:.0%} less",
                 remedy="Press less deep, or give it more friction",
             )
+        released = self._release.released(start, step, self.solver.points)
+        if released:
+            self.solver.notes.warn(
+                "lets-go",
+                "the skin lets go of an object at once, sooner or later by how often its way is sampled",
+                self._number,
+                value=f"{released:.0%} of the force",
+                remedy="Press less deep, use less friction, or round the edge that the skin hangs on",
+            )
         if touched and not self.solver.loaded.any():
             self.solver.reset()  # after skin has lifted off, the next touch has no history
         return step
@@ -144,10 +162,10 @@ class SubStepper:
     # -- the way -------------------------------------------------------------------------------------------------
 
     def _ways(
-        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, fewest: int = 1
     ) -> list[list[ContactBody]]:
-        """Return the bodies at the end of each part of the frame but the last."""
-        parts = self._parts(start, bodies, gaps)
+        """Return the bodies at the end of each part of the frame but the last, of which there are so many at least."""
+        parts = max(self._parts(start, bodies, gaps), fewest)
         if self.coarse and parts > COARSE_PARTS:
             parts, self.cut = COARSE_PARTS, True
         last, fast = self.solver.gaps, parts > MAX_PARTS
@@ -253,6 +271,26 @@ class SubStepper:
                     remedy="Begin where the finger is outside",
                 )
         return start
+
+    def _arrived(
+        self,
+        start: Sequence[ContactBody],
+        bodies: Sequence[ContactBody],
+        before: Callable[[], Sequence[ContactBody] | None],
+    ) -> dict[int, ContactBody]:
+        """Return bodies that come in from outside, where they first touch, by their indices.
+
+        The gaps of a frame show them only where points are near them already.
+        """
+        loaded, pad, found = self.solver.loaded_bodies, self.solver.pad, {}
+        for i, body in enumerate(bodies):
+            if body.away or i in loaded:
+                continue
+            known = before() if start[i].away else start
+            came = known[i] if known is not None and i < len(known) else AWAY
+            if travel(came, body, pad) > PRESSING and self._gap([body]) < -OUTSIDE <= self._gap([came]):
+                found[i] = self._first_touch([came], [body])[0]
+        return found
 
     def _retreat(self, body: ContactBody) -> float | None:
         """Return the distance by which a body must be lowered for the finger to be outside [m].

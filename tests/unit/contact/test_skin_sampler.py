@@ -327,10 +327,11 @@ def test_a_limit_out_of_reach_changes_nothing(skin):
     np.testing.assert_array_equal(one.force, other.force)
 
 
-def test_too_deep_is_a_finding_with_its_frame(skin):
+def test_too_deep_and_too_far_are_findings_with_their_frames(skin):
     got = felt(skin, poses(press_and_slide(depth=0.0025)), still(40))
-    assert [f.code for f in got.findings] == ["too-deep"] and got.findings[0].frame is not None
-    assert got.findings[0].count == int((got.depth > 0.002).sum())
+    deep, far = got.findings
+    assert (deep.code, far.code) == ("too-deep", "slid-far") and deep.frame is not None and far.frame is not None
+    assert deep.count == int((got.depth > 0.002).sum()) and far.count == int((got.slide > 0.002).sum())
 
 
 @pytest.mark.parametrize(

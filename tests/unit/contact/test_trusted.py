@@ -13,7 +13,7 @@ from core.contact.solver.bodies import ContactBody
 from core.contact.solver.path_solver import DEPTH_LIMIT
 from core.contact.trusted import WORST, trusted
 from core.errors import DermisError, Finding
-from core.parameters.error_bands import error_band
+from core.parameters.error_bands import SLID_AT, SLIDES, error_band
 from core.scene.tactile_scene import Mesh
 from core.skin.model import SkinModel, fingertip_skin
 from core.surface import shapes
@@ -47,12 +47,20 @@ def drawn(skin: SkinModel, rise: float, across: float, mode: str = "animated") -
 
 
 def test_linear_skin_keeps_its_depth_and_tissue_that_stiffens_is_trusted_where_it_was_measured() -> None:
-    assert trusted("linear") == (DEPTH_LIMIT, math.inf)
+    assert trusted("linear").depth == DEPTH_LIMIT
     depth, slide = trusted("neo_hookean")
-    assert depth > DEPTH_LIMIT and slide >= 1e-3
+    assert depth > DEPTH_LIMIT and slide == SLIDES[-1]
     assert error_band("neo_hookean", depth).stress.median <= WORST
     with pytest.raises(DermisError, match="tissue"):
         trusted("rubber")
+
+
+def test_a_slide_costs_linear_skin_no_more_than_its_deepest_press() -> None:
+    slide = trusted("linear").slide
+    pressed, slid, farther = (
+        error_band("linear", SLID_AT, s).stress.median for s in (0.0, slide, SLIDES[SLIDES.index(slide) + 1])
+    )
+    assert slid - pressed <= WORST < farther - pressed
 
 
 def test_slide_is_how_far_what_sticks_is_drawn_along(skin: SkinModel) -> None:
@@ -79,7 +87,7 @@ def test_who_is_dragged_or_pressed_beyond_is_told_with_the_frame(
             assert found["slid-far"].count == int((slides > 1e-3).sum()) and "neo-Hookean" in found["slid-far"].what
             assert mode == "compliant" or found["too-deep"].limit == "<= 1 mm"
         _, linear = drawn(skin, 1.4e-3, 2.5e-3)
-        assert not [f for f in linear if f.code in ("slid-far", "too-deep")]
+        assert [f.code for f in linear] == ["slid-far"] and "linear skin" in linear[0].what
     finally:
         trusted.cache_clear()
 
@@ -88,8 +96,7 @@ def _narrow(depth: float, slide: float) -> object:
     """Return a band of a tissue that is trusted to a millimetre either way."""
     from core.parameters.error_bands import ErrorBand, Spread
 
-    off = 0.1 if depth <= 2e-3 and slide <= 1e-3 and (depth <= 1e-3 or depth == 2e-3) else 0.5
-    off = 0.5 if depth == 2e-3 and slide == 0.0 else off
+    off = (0.1 if depth <= 1e-3 else 0.5) + (0.5 if slide > 1e-3 else 0.0)
     return ErrorBand(Spread(off, off), Spread(0.0, 0.0))
 
 

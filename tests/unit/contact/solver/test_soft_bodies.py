@@ -11,6 +11,7 @@ from core.contact.solver.point_solver import PointSolver
 from core.skin.model import fingertip_skin
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_store import smooth_pad
+from core.surface.gap import Surface
 from core.surface.plane import Plane
 
 MU, DEPTH = 0.5, 1e-3
@@ -75,3 +76,25 @@ def test_going_back_to_a_rigid_floor_goes_on_as_if_nothing_had_been_tried(skin, 
     ends = [solver.step([floor(skin, 0.8e-3, 0.0, 0.0)]) for solver in (tried, straight)]
     assert ends[0].solution.force.tobytes() == ends[1].solution.force.tobytes()
     assert all(end.solution.converged for end in ends)
+
+
+# Largest change of the force between a drag in frames of 12 um and one in frames of 3 um, over the largest force: the
+# same on a rigid ball is 0.003 % on points and 0.013 % at nodes.
+BY_FRAMES = 1e-3
+
+
+@pytest.mark.parametrize("on", ["points", "nodes"])
+def test_how_often_a_drag_is_sampled_does_not_move_the_skin_on_a_soft_ball(skin, on):
+    """Foam of 10 kPa/mm gives way below the skin; gaps and anchors are where the skin touches it."""
+    ball, softness, forces = Surface.sphere(6e-3, 5000), 1e-7, []
+    for often in (4, 16):
+        solver, found = solver_of(skin, on), []
+        for k in range(26 * often + 1):
+            way = 0.05e-3 * k / often
+            place = np.array([max(0.0, way - 0.8e-3), 0.0, skin.positions[:, 2].min() + min(way, 0.8e-3)])
+            step = solver.step([ContactBody(ball, np.eye(3), place, MU, softness)])
+            if k % often == 0:
+                found.append(step.solution.force.sum(axis=0))
+        forces.append(np.array(found))
+    size = np.linalg.norm(forces[1], axis=1).max()
+    assert np.linalg.norm(forces[0] - forces[1], axis=1).max() / size < BY_FRAMES

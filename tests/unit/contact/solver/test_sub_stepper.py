@@ -13,6 +13,7 @@ from core.contact.solver.bodies import ContactBody, travel
 from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.sub_stepper import DEEP_PARTS, FAST_PARTS, MAX_PARTS, PRESSING, SubStepper
 from core.surface.gap import Surface
+from tests.stress.paths import Press
 
 FRICTION = 0.6
 BONE = 0.006
@@ -313,3 +314,26 @@ def test_friction_counts_from_where_skin_is_first_touched(skin, angle, apart):
     slow, sudden = drag(np.linspace(-1e-3, depth, 200)), drag([-0.04, depth])
     assert np.linalg.norm(slow[:2]) > 0.05 * slow[2] > 0.0
     assert np.linalg.norm(sudden - slow) < apart * np.linalg.norm(slow)
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_what_comes_in_from_the_side_in_one_sample_rubs_as_in_eight(beside: bool) -> None:
+    """A pillar is near the pad, then 1.5 mm farther on it; its force along the pad was that of one pressed straight.
+
+    Beside it lies nothing, or a ball that the finger rests on before.
+    """
+    values = {"level": "draft", "poisson": 0.48, "tissue": "linear", "young": 1e5, "contact": "points"}
+    values |= {"shape": "pillar", "size": 1.6e-3, "angle": 1.5, "facets": 1280, "slivers": 0, "mesh_seed": 0}
+    press = Press({**values, "tilt": 10.0, "roll": 0.0, "x": -1.4e-3, "y": 1.5e-3})
+    rest = Press({**values, "shape": "ball", "size": 4e-3, "tilt": 0.0, "roll": 0.0, "x": 4e-3, "y": -4e-3})
+    forces = []
+    for often in (1, 8):
+        time = np.linspace(0.0, 5.0, 5 * often + 1)
+        along = np.clip(time - 5.0, -2.0, 0.0)[:, None] * [1.3e-3, 0.7e-3, 0.0]
+        down = np.interp(time, [0.0, 1.5], [-0.2e-3, 0.3e-3])[:, None] * [0.0, 0.0, 1.0]
+        things = [press.thing(along + [0.0, 0.0, 0.1e-3], 1.0)]
+        things += [replace(rest.thing(down, 1.0), name="ball")] if beside else []
+        felt = press.feel(things, step=1.0 / 240.0 / often).resultant[::often]
+        forces.append(felt[-1] - felt[-2])
+    assert np.hypot(*forces[1][:2]) > 0.5 * forces[1][2]
+    assert np.linalg.norm(forces[0] - forces[1]) < 0.01 * np.linalg.norm(forces[1])

@@ -116,6 +116,7 @@ class CompliantBone:
             name=name,
             depth_limit=depth_limit,
             law=LawSkin.of(skin),
+            inward=-skin.normals,
         )
         return cls(solver, stiffness, limit, name, skin.tissue, skin.material.modulus)
 

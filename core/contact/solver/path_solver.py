@@ -71,6 +71,7 @@ class PathSolver:
         name: for findings.
         depth_limit: depth of the undeformed skin beyond which a frame is a finding [m].
         law: the skin's nonlinear law, which corrects the displacement of linear skin; None for linear skin.
+        inward: unit normals of the undeformed skin at the nodes, into the finger, shape (m, 3); +Z if None.
 
     Attributes:
         counters: number of frames of each kind. 'solved': sweeps ran. 'unchanged': the last forces satisfied the laws
@@ -94,11 +95,13 @@ class PathSolver:
         name: str = "finger",
         depth_limit: float = DEPTH_LIMIT,
         law: LawSkin | None = None,
+        inward: Array | None = None,
     ) -> None:
         self._begin(tolerance, bone, name, depth_limit, law)
         self.operator: Compliance = Linear(compliance) if isinstance(compliance, np.ndarray) else compliance
         self.points = np.asarray(points, dtype=np.float64)
         self.areas = areas
+        self._inward = np.broadcast_to([0.0, 0.0, 1.0], self.points.shape) if inward is None else inward
         c = np.ascontiguousarray(self.operator.compliance, dtype=np.float64)
         m = self.points.shape[0]
         if c.shape != (3 * m, 3 * m):
@@ -192,6 +195,11 @@ class PathSolver:
     def pad(self) -> Array:
         """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
         return self.points
+
+    @property
+    def inward(self) -> Array:
+        """Unit normals of the undeformed skin at the points, into the finger, shape (n, 3)."""
+        return self._inward
 
     def outside(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
         """Return the smallest gap of the undeformed skin [m], inf where there is none within reach."""

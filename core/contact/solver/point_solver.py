@@ -97,6 +97,10 @@ class PointSolver(PathSolver):
         """Points of undeformed skin that detect first contact [m], shape (n, 3)."""
         return self._pad
 
+    @property
+    def inward(self) -> Array:
+        return self._points.inward
+
     def outside(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
         """Return the smallest gap of the undeformed skin [m].
 

@@ -2,8 +2,8 @@
 
 Linear skin opens around an object that is much smaller than its penetration, such as a needle, a ball without friction
 or the tip of a horn. Its force then falls where that of real skin would not. Only the force distinguishes this from a
-valid solution. After the skin has slid past the widest part of the object, contact would pull the object into the
-finger, which is impossible without adhesion.
+valid solution. After the skin has slid past the widest part of the object, under pressure or by drag, it is stretched
+round the object's far side. The object then draws it out of the finger, where an object outside can only press it in.
 """
 
 from __future__ import annotations
@@ -92,18 +92,21 @@ class PressWatch:
             return 0.0
         return missing / self.most if missing > max(LOST * self.most, self._least) else 0.0
 
-    def pulling(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> tuple[int, ...]:
-        """Return the bodies whose normal forces pull them into the finger although they press deeper.
+    def pulling(self, step: PathStep, inward: Array) -> tuple[int, ...]:
+        """Return the bodies whose normal forces draw the skin out of the finger.
 
-        Arguments are those of `lost`.
+        Args:
+            step: result of a frame.
+            inward: unit normals of the undeformed skin, into the finger, shape (m, 3).
         """
-        solution, gaps = step.solution, step.gaps
-        loaded = solution.loaded
-        if gaps is None or not solution.converged or not (solution.normals[loaded, 2] < 0.0).any():
+        solution, gaps, loaded = step.solution, step.gaps, step.solution.loaded
+        if gaps is None or not loaded.any():
             return ()
-        push, which = (solution.normal_force * solution.normals[:, 2])[loaded], gaps.body[loaded]
-        drawn = tuple(index for index in sorted(set(which.tolist())) if float(push[which == index].sum()) < 0.0)
-        return drawn if drawn and _deeper(came, gaps, points[loaded], which) else ()
+        rise = along(solution.normals[loaded], inward[loaded])
+        if not (rise < 0.0).any():
+            return ()
+        push, which = solution.normal_force[loaded] * rise, gaps.body[loaded]
+        return tuple(i for i in sorted(set(which.tolist())) if float(push[which == i].sum()) < 0.0)
 
 
 def _deeper(

@@ -3,12 +3,13 @@
 Friction depends on the path, and gaps are known only near the skin. A frame with much normal movement or rotation is
 therefore solved in several parts. A finger that is inside an object in its first frame is moved there from outside. An
 object that has passed through a finger is ignored until the finger is outside of it, and a finding reports it. An
-object that slid under the finger from the side, with the skin hanging on its rim, is pressed again from below.
+object that slid under the finger from the side, with the skin hanging on its rim, is pressed again from below, and so
+is one that the skin has slid past.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,8 @@ WAYS, ABOVE = 16, 0.1
 # of a vertex and of the point of the skin with which it is compared.
 VERTICES, IN_LINE = 64, 0.95
 THROUGH, UNFELT = "an object went through the finger", ", and is not felt until the finger is outside"
+PAST, ANEW = "the skin has slid past something small", ", and is pressed onto it anew: the force is unreliable"
+LESS = "Press less deep, drag less far, or give it more friction"
 
 
 class SubStepper:
@@ -124,10 +127,7 @@ class SubStepper:
             self.solver.step(way, part=True)
         step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
         step = self._through(step, bodies)
-        for index in self._press.pulling(start, step, self.solver.points):
-            what = "the skin has slid past something small"
-            self._leave(index, "passed-through", what, "Press less deep, or give it more friction")
-            step = self._last(self._felt(bodies))
+        step = self._slid_past(step, bodies)
         lost = self._press.lost(start, step, self.solver.points)
         if lost:
             self.solver.notes.warn(
@@ -350,21 +350,43 @@ class SubStepper:
         gone = {int(i) for i in deep if _outside_bone(bodies[i], self.solver.bone)}
         if not gone:
             return step
-        ways = {i: self._retreat(bodies[i]) for i in gone}
-        over = {i: far for i, far in ways.items() if far is not None and not self._in_or_above(lowered(bodies[i], far))}
+        over = self._lowered(gone, bodies)
         for index in gone - over.keys():
             self._leave(index, "passed-through", THROUGH, "Raise the finger")
-        return self._over(over, self._felt(bodies)) if over else self._last(self._felt(bodies))
+        if not over:
+            return self._last(self._felt(bodies))
+        what = "the skin hung on the rim of an object that slid under the finger, and is pressed onto it anew"
+        self.solver.notes.warn("over-a-rim", what, self._number, remedy="Raise the finger, or come from above")
+        return self._anew(over, self._felt(bodies))
 
-    def _over(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:
-        """Press bodies again from below on whose rims the skin hung.
+    def _slid_past(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
+        """Press bodies again from below that the skin has slid past; ignore those that it slides past once more."""
+        pulling = self._press.pulling(step, self.solver.inward)
+        over = self._lowered(pulling, bodies) if pulling else {}
+        if over:
+            step = self._anew(over, self._felt(bodies))
+            pulling = self._press.pulling(step, self.solver.inward)
+            if over.keys() - set(pulling):
+                self.solver.notes.warn("slides-past", PAST + ANEW, self._number, remedy=LESS)
+        for index in pulling:
+            self._leave(index, "passed-through", PAST, LESS)
+        return self._last(self._felt(bodies)) if pulling else step
+
+    def _lowered(self, some: Iterable[int], bodies: Sequence[ContactBody]) -> dict[int, float]:
+        """Return the distance by which bodies must be lowered for the finger to be outside [m], by their index.
+
+        Bodies that are then in the finger or above it are left out.
+        """
+        ways = {i: self._retreat(bodies[i]) for i in some}
+        return {i: far for i, far in ways.items() if far is not None and not self._in_or_above(lowered(bodies[i], far))}
+
+    def _anew(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:
+        """Press bodies again from below.
 
         Args:
             far: distance by which each must be lowered for the finger to be outside [m], by the index of the body.
             bodies: all bodies.
         """
-        what = "the skin hung on the rim of an object that slid under the finger, and is pressed onto it anew"
-        self.solver.notes.warn("over-a-rim", what, self._number, remedy="Raise the finger, or come from above")
         self.solver.step([AWAY if i in far else body for i, body in enumerate(bodies)], part=True)
         parts = max(int(np.ceil(min(max(far.values()), self.solver.depth_limit) / PRESSING)), 1)
         for k in range(parts - 1, 0, -1):

@@ -10,7 +10,7 @@ friction it also goes there and back, and what differs at one place counts too. 
 `CODES` is: the normal forces of the ball drew skin out of the finger, or its force fell while it pressed deeper. Each
 touch that is not told keeps to the limits of `tolerances.INVARIANCE`: 1 %, and 4 % there and back. The page also states
 the depth over the radius below which none is told. One thing came later: these seeds are the second ones. With the
-first ones, of 60 touches, balls were let go that could be pressed anew, as points of the pad took them for balls inside.
+first ones, of 60 touches, balls were let go that could be pressed anew: points of the pad took them for balls inside.
 """
 
 from __future__ import annotations

@@ -375,8 +375,8 @@ class SubStepper:
     def _lowered(self, some: Iterable[int], bodies: Sequence[ContactBody]) -> dict[int, float]:
         """Return the distance by which bodies must be lowered for the finger to be outside [m], by their index.
 
-        Bodies that are in the finger or above it even farther down are left out. Where a body just touches the skin, the
-        points of the pad cannot tell whether one of its vertices is inside.
+        Bodies that are in the finger or above it even farther down are left out. Where a body just touches the skin,
+        the points of the pad cannot tell whether one of its vertices is inside.
         """
         ways, more = {i: self._retreat(bodies[i]) for i in some}, self.solver.search_radius
         found = {i: far for i, far in ways.items() if far is not None}

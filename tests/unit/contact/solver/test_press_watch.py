@@ -49,7 +49,7 @@ def test_there_is_no_share_of_a_force_towards_the_nail() -> None:
 def test_a_body_draws_skin_out_if_its_normal_forces_do_in_sum(
     leans: tuple[float, float], tilt: float, drawn: tuple[int, ...]
 ) -> None:
-    """Body 0 presses in; body 1 with 0.2 N and 1 N, along normals that lean so far [degrees] from the skin's, tilted."""
+    """Body 0 presses in; body 1 with 0.2 N and 1 N, along normals that lean so far [degrees] from tilted skin's."""
     angles, skin = np.radians([tilt, tilt, *leans]), np.radians(tilt)
     normals = np.stack([np.sin(angles), 0.0 * angles, np.cos(angles)], axis=1)
     size, inward = np.array([1.0, 1.0, 0.2, 1.0]), np.tile([np.sin(skin), 0.0, np.cos(skin)], (4, 1))

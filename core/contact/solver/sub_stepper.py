@@ -48,7 +48,7 @@ WAYS, ABOVE = 16, 0.1
 VERTICES, IN_LINE = 64, 0.95
 THROUGH, UNFELT = "an object went through the finger", ", and is not felt until the finger is outside"
 PAST, ANEW = "the skin has slid past something small", ", and is pressed onto it anew: the force is unreliable"
-LESS = "Press less deep, drag less far, or give it more friction"
+LESS = "Press no deeper than its radius, drag less far, or give it more friction"
 
 
 class SubStepper:

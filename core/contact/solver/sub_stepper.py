@@ -43,7 +43,7 @@ SEARCHES = 40  # largest number of iterations of a search for first contact
 # An object that has passed through a finger counts as above the pad if a line upwards from one of this many points of
 # the pad meets it within this length [m].
 WAYS, ABOVE = 16, 0.1
-# Number of vertices of an object that are tested for being inside the finger, and least cosine between the directions
+# Number of corners of an object that are tested for being inside the finger, and least cosine between the directions
 # of a vertex and of the point of the skin with which it is compared.
 VERTICES, IN_LINE = 64, 0.95
 THROUGH, UNFELT = "an object went through the finger", ", and is not felt until the finger is outside"
@@ -332,11 +332,15 @@ class SubStepper:
         some = self.solver.pad[:: max(len(self.solver.pad) // WAYS, 1)]
         if self._gap([body]) < -OUTSIDE or self._above(body, some, ABOVE) > 0.0:
             return True
-        return isinstance(body.surface, Surface) and self._within(body, body.surface.vertices)
+        return isinstance(body.surface, Surface) and self._within(body, body.surface)
 
-    def _within(self, body: ContactBody, vertices: Array) -> bool:
-        """Return whether a vertex is inside the finger: nearer to the bone than the skin in the same direction."""
-        some = vertices[:: len(vertices) // VERTICES + 1] @ body.rotation.T + body.translation - self.solver.bone
+    def _within(self, body: ContactBody, surface: Surface) -> bool:
+        """Return whether a face's corner is inside the finger: nearer to the bone than the skin in the same direction.
+
+        A vertex without a face bounds nothing.
+        """
+        corners = surface.triangles[:: len(surface.triangles) // VERTICES + 1, 0]
+        some = surface.vertices[corners] @ body.rotation.T + body.translation - self.solver.bone
         skin = self.solver.pad - self.solver.bone
         far, deep = (np.sqrt(np.einsum("ij,ij->i", v, v)) for v in (some, skin))
         line = (some @ skin.T) / np.maximum(far[:, None] * deep, 1e-300)
@@ -364,7 +368,7 @@ class SubStepper:
         pulling = self._press.pulling(step, self.solver.inward)
         over = self._lowered(pulling, bodies) if pulling else {}
         if over:
-            step = self._anew(over, self._felt(bodies))
+            step = self._anew(dict.fromkeys(over, max(over.values())), self._felt(bodies))
             pulling = self._press.pulling(step, self.solver.inward)
             if over.keys() - set(pulling):
                 self.solver.notes.warn("slides-past", PAST + ANEW, self._number, remedy=LESS)

@@ -58,7 +58,8 @@ def test_a_body_draws_skin_out_if_its_normal_forces_do_in_sum(
 ) -> None:
     """Body 0 presses in by 0.5 N; body 1 with 0.2 N and 1 N, along normals that lean so far from the skin's [degrees].
 
-    The skin is tilted by so much [degrees]. Body 1 is so far beside body 0 [m], which is 0.05 m wide: one that meets it is a part of the same thing.
+    The skin is tilted by so much [degrees]. Body 1 is so far beside body 0 [m], which is 0.05 m wide: one that meets it
+    is a part of the same thing.
     """
     angles, skin = np.radians([tilt, tilt, *leans]), np.radians(tilt)
     normals = np.stack([np.sin(angles), 0.0 * angles, np.cos(angles)], axis=1)

@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 CHUNK = 16
 # Findings that name what a check of a path may meet: what they tell of is no defect that nobody was told.
 NOT_SOLVED = frozenset({"not-converged"})
-LEFT = frozenset({"passed-through", "over-a-rim", "turned-over", "starts-inside", "slips-in"})
+LEFT = frozenset({"passed-through", "slides-past", "over-a-rim", "turned-over", "starts-inside", "slips-in"})
 EXCUSES: Mapping[str, frozenset[str]] = {
     "fall": NOT_SOLVED | LEFT | {"too-fine"},
     "pull": NOT_SOLVED,

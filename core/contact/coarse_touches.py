@@ -1,8 +1,8 @@
 """CoarseTouches: detection of contacts that a skin's mesh does not resolve.
 
-A contact is too small for the mesh, or the object is too sharply curved. At the nodes of a mesh normals are those of
-faces, so such a contact has several solutions, and the way there decides between them. Each touch is judged at the
-sample of largest force, because every touch begins with a negligible force on a single node.
+A contact is too small for the mesh, or the object is too sharply curved. Such a contact may have several solutions, and
+the way there decides between them. Each touch is judged at the sample of largest force, because every touch begins with
+a negligible force on a single node.
 """
 
 from __future__ import annotations

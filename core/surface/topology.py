@@ -19,6 +19,8 @@ from .triangles import TriangleTable
 REGULAR, BOUNDARY, IRREGULAR = 0, 1, 2
 # Largest distance between two results for one point, in rounding steps of single precision. Each is off by up to two.
 STEPS = 4
+# Coordinates of a fingertip [m]. Parts of a bead, too, were joined where such coordinates are rounded.
+FINGERTIP = 20e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,9 +178,9 @@ def merge_coincident(vertices: Array) -> NDArray[np.int64]:
 def _rounding(vertices: Array) -> float:
     """Return the length of `STEPS` rounding steps of single precision [m].
 
-    A step is that of the largest coordinate.
+    A step is that of the largest coordinate, but at least that of a fingertip's.
     """
-    return float(STEPS * np.finfo(np.float32).eps * np.abs(vertices).max())
+    return float(STEPS * np.finfo(np.float32).eps * max(np.abs(vertices).max(), FINGERTIP))
 
 
 def _welded(vertices: Array, found: Topology) -> tuple[NDArray[np.int64], float]:

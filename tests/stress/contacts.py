@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 CHUNK = 16
 # Findings that name what a check of a path may meet: what they tell of is no defect that nobody was told.
 NOT_SOLVED = frozenset({"not-converged"})
-LEFT = frozenset({"passed-through", "over-a-rim", "turned-over", "starts-inside", "slips-in"})
+LEFT = frozenset({"passed-through", "slides-past", "over-a-rim", "turned-over", "starts-inside", "slips-in"})
 # These say in words that contact has several solutions, or that the force depends on the way there; or on how often it
 # is sampled. A way that is sampled otherwise is another way: bodies go straight between samples.
 OTHER_WAY = frozenset({"sharp-corner", "open-rim", "several-states", "smaller-than-mesh"})

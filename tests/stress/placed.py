@@ -163,13 +163,15 @@ def first_contact(parts: list[Mesh], turn: Array, at: Array) -> float:
     near = cells[_gaps(surfaces, points, turn, at, height) < 2.0 * COARSE]
     fine = descendants(pad.chart, near, len(starts) - 2)[0]
     some, half = pad.chart.places[fine], 2.0 * float(pad.chart.halves[fine].max())
-    reach = COARSE
+    reach, roots = COARSE, slice(starts[0], starts[1])
     for _ in range(6):
         points = pad.chart.surface(some).positions
         height = _risen(surfaces, points, turn, at, height - reach, height)
         best = some[np.argsort(_gaps(surfaces, points, turn, at, height))[:20]]
         steps = np.stack(np.meshgrid(*[np.linspace(-half, half, 5)] * 2), axis=2).reshape(-1, 2)
         some, half, reach = (best[:, None] + steps).reshape(-1, 2), half / 2.0, reach / 2.0
+        apart = np.abs(some[:, None] - pad.chart.places[roots]) - pad.chart.halves[roots]
+        some = some[(apart <= 1e-12).all(axis=2).any(axis=1)]  # the chart goes on beyond the pad's rim
     return height
 
 

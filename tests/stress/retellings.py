@@ -257,7 +257,7 @@ def broad_phase(touch: Touch, setup: Setup) -> Retold:
 def start(touch: Touch, setup: Setup) -> Retold:
     """Start the iteration of each frame elsewhere."""
     for begin in STARTS:
-        yield replace(setup, engine=partial(_started, begin, int(touch.values["random"])))
+        yield replace(setup, engine=partial(started, begin, int(touch.values["random"])))
 
 
 @contextmanager
@@ -283,7 +283,7 @@ def _everything_near() -> Iterator[None]:
 
 
 @contextmanager
-def _started(begin: str, seed: int) -> Iterator[None]:
+def started(begin: str, seed: int) -> Iterator[None]:
     """Start iterations from nothing, from the last forces, or from forces drawn at random about these."""
     rng = np.random.default_rng(seed)
     at_nodes, on_points = PathSolver._extrapolated, PointSolver._extrapolated

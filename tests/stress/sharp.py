@@ -105,8 +105,9 @@ def _along(profile: Array, length: float) -> Mesh:
 class SharpTouch(Touch):
     """A drawn touch of a sharp place."""
 
-    def __init__(self, values: Values) -> None:
-        super().__init__({**values, "shape": "block", "contact": "points", "level": "draft"}, [solid(values)])
+    def __init__(self, values: Values, mesh: Mesh | None = None) -> None:
+        told = {**values, "shape": "block", "contact": "points", "level": "draft"}
+        super().__init__(told, [solid(values) if mesh is None else mesh])
         self.at = np.zeros(2)
 
     @property
@@ -149,20 +150,20 @@ def measure(values: Values) -> Outcome:
     """Measure a touch."""
     touch, rng = SharpTouch(values), np.random.default_rng(int(values["random"]))
     base = touch.told()
-    force, told = _felt(base)
+    force, told = felt(base)
     shifted = 0.0
     for far in SHIFTS:
         way = rng.normal(size=3)
-        other, also = _felt(touch.told(far * way / np.linalg.norm(way)))
+        other, also = felt(touch.told(far * way / np.linalg.norm(way)))
         shifted, told = max(shifted, apart(force, other)), told | also
     back = 0.0
     if not values["friction"]:
-        both, also = _felt(touch.told(back=True))
+        both, also = felt(touch.told(back=True))
         back, told = apart(both, both[::-1]), told | also
     return Outcome(values, KINDS[str(values["kind"])] in told, shifted, back)
 
 
-def _felt(setup: Setup) -> tuple[Array, frozenset[str]]:
+def felt(setup: Setup) -> tuple[Array, frozenset[str]]:
     """Return the force at each sample [N], shape (n, 3), and the codes of all findings."""
     bake = setup.bake()
     felt = bake.skins[setup.name]
@@ -197,10 +198,10 @@ def table(found: list[Outcome]) -> str:
             mine = [o for o in found if o.values["kind"] == kind and o.values["friction"] == friction]
             told, others = [o for o in mine if o.told], [o for o in mine if not o.told]
             beyond = sum(o.shifted > SHIFTED or o.back > BACK for o in told)
-            back = "-" if friction else _most(o.back for o in told)
+            back = "-" if friction else most(o.back for o in told)
             row = (kind, f"{friction:g}", f"{len(told)} of {len(mine)}", f"{beyond}")
             rows.append(
-                f"| {' | '.join((*row, _most(o.shifted for o in told), back, _most(o.shifted for o in others)))} |"
+                f"| {' | '.join((*row, most(o.shifted for o in told), back, most(o.shifted for o in others)))} |"
             )
     return "\n".join(rows)
 
@@ -219,7 +220,8 @@ def enough(found: list[Outcome], kind: str) -> float:
     return float("inf")
 
 
-def _most(changes: Iterable[float]) -> str:
+def most(changes: Iterable[float]) -> str:
+    """Return the largest change in percent."""
     largest = max(changes, default=None)
     return "-" if largest is None else f"{100.0 * largest:.1f} %"
 

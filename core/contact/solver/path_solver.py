@@ -194,6 +194,11 @@ class PathSolver:
         """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
         return self.points
 
+    @property
+    def inward(self) -> Array:
+        """Unit normals of the undeformed skin at the points, into the finger, shape (n, 3)."""
+        return self._contact_points.inward
+
     def outside(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
         """Return the smallest gap of the undeformed skin [m], inf where there is none within reach."""
         return float(least_gaps(self.pad, bodies, reach, self.bone).min())
@@ -389,7 +394,9 @@ class PathSolver:
     def iterated(self, b: Array, shift: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
         """Solve a frame on linear skin from forces to start from [N], shape (m, 3); see `LinearContact.iterated`."""
         if gaps.where is not None:
-            return self._contact.solve(self._contact_points, b, gaps, start, shift, self.tolerance, CHECK * self.tolerance)
+            return self._contact.solve(
+                self._contact_points, b, gaps, start, shift, self.tolerance, CHECK * self.tolerance
+            )
         normal, mu = gaps.normal, gaps.friction
         found = sweep(self._matrix, b + shift, normal, mu, soft, start, self.tolerance, MOST_SWEEPS)
         w, status, goal = found.displacement, found.status, CHECK * self.tolerance

@@ -2,8 +2,8 @@
 
 Linear skin opens around an object that is much smaller than its penetration, such as a needle, a ball without friction
 or the tip of a horn. Its force then falls where that of real skin would not. Only the force distinguishes this from a
-valid solution. After the skin has slid past the widest part of the object, contact would pull the object into the
-finger, which is impossible without adhesion.
+valid solution. After the skin has slid past the widest part of the object, under pressure or by drag, it is stretched
+round the object's far side. The object then draws it out of the finger, where an object outside can only press it in.
 """
 
 from __future__ import annotations
@@ -14,9 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ...arrays import Array, Indices
-from .bodies import ContactBody, NodeGaps, moved, paired
+from ...surface.gap import Surface
+from .bodies import TIE, ContactBody, NodeGaps, boxes_meet, moved, paired
 from .cone import along
 from .path_step import PathStep
+from .posed_records import corners_about
 
 # Loss of force that is tolerated while all bodies press deeper: as a share of the largest force, and as a force over
 # the skin's modulus [m^2]. The latter is 1 mN for skin of 100 kPa.
@@ -92,18 +94,45 @@ class PressWatch:
             return 0.0
         return missing / self.most if missing > max(LOST * self.most, self._least) else 0.0
 
-    def pulling(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> tuple[int, ...]:
-        """Return the bodies whose normal forces pull them into the finger although they press deeper.
+    def pulling(self, step: PathStep, inward: Array) -> tuple[int, ...]:
+        """Return the bodies whose normal forces draw the skin out of the finger.
 
-        Arguments are those of `lost`.
+        Bodies whose bounding boxes meet count as one, such as the parts of a solid: skin on one of them may lean on
+        another one.
+
+        Args:
+            step: result of a frame.
+            inward: unit normals of the undeformed skin, into the finger, shape (m, 3).
         """
         solution, gaps = step.solution, step.gaps
-        loaded = solution.loaded
-        if gaps is None or not solution.converged or not (solution.normals[loaded, 2] < 0.0).any():
+        if gaps is None:
             return ()
-        push, which = (solution.normal_force * solution.normals[:, 2])[loaded], gaps.body[loaded]
-        drawn = tuple(index for index in sorted(set(which.tolist())) if float(push[which == index].sum()) < 0.0)
-        return drawn if drawn and _deeper(came, gaps, points[loaded], which) else ()
+        loaded = solution.loaded & (gaps.body >= 0)
+        rise = along(solution.normals[loaded], inward[loaded])
+        if not (rise < 0.0).any():
+            return ()
+        push = np.bincount(gaps.body[loaded], solution.normal_force[loaded] * rise, len(gaps.bodies))
+        if (push >= 0.0).all():
+            return ()
+        drawn = [i for group in _together(gaps.bodies) if float(push[group].sum()) < 0.0 for i in group]
+        return tuple(sorted(drawn))
+
+
+def _together(bodies: Sequence[ContactBody]) -> list[list[int]]:
+    """Return the indices of bodies in groups: each meets another one of its group, by its bounding box."""
+    groups: list[list[int]] = []
+    for i, body in enumerate(bodies):
+        met = [group for group in groups if any(_meet(body, bodies[k]) for k in group)]
+        groups = [group for group in groups if group not in met] + [[i, *(k for group in met for k in group)]]
+    return groups
+
+
+def _meet(one: ContactBody, other: ContactBody) -> bool:
+    """Return whether the bounding boxes of two bodies with surfaces meet."""
+    if one.away or other.away or not isinstance(one.surface, Surface) or not isinstance(other.surface, Surface):
+        return False
+    corners = corners_about(other.surface.box) @ other.rotation.T + other.translation
+    return boxes_meet(one.local(corners)[0], one.surface.box, TIE)
 
 
 def _deeper(

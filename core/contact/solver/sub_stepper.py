@@ -3,12 +3,13 @@
 Friction depends on the path, and gaps are known only near the skin. A frame with much normal movement or rotation is
 therefore solved in several parts. A finger that is inside an object in its first frame is moved there from outside. An
 object that has passed through a finger is ignored until the finger is outside of it, and a finding reports it. An
-object that slid under the finger from the side, with the skin hanging on its rim, is pressed again from below.
+object that slid under the finger from the side, with the skin hanging on its rim, is pressed again from below, and so
+is one that the skin has slid past.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -43,10 +44,12 @@ SEARCHES = 40  # largest number of iterations of a search for first contact
 # An object that has passed through a finger counts as above the pad if a line upwards from one of this many points of
 # the pad meets it within this length [m].
 WAYS, ABOVE = 16, 0.1
-# Number of vertices of an object that are tested for being inside the finger, and least cosine between the directions
+# Number of corners of an object that are tested for being inside the finger, and least cosine between the directions
 # of a vertex and of the point of the skin with which it is compared.
 VERTICES, IN_LINE = 64, 0.95
 THROUGH, UNFELT = "an object went through the finger", ", and is not felt until the finger is outside"
+PAST, ANEW = "the skin has slid past something small", ", and is pressed onto it anew: the force is unreliable"
+LESS = "Press no deeper than its radius, drag less far, or give it more friction"
 
 
 class SubStepper:
@@ -133,10 +136,7 @@ class SubStepper:
             self.solver.step(way, part=True)
         step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
         step = self._through(step, bodies)
-        for index in self._press.pulling(start, step, self.solver.points):
-            what = "the skin has slid past something small"
-            self._leave(index, "passed-through", what, "Press less deep, or give it more friction")
-            step = self._last(self._felt(bodies))
+        step = self._slid_past(step, bodies)
         lost = self._press.lost(start, step, self.solver.points)
         if lost:
             self.solver.notes.warn(
@@ -370,11 +370,15 @@ class SubStepper:
         some = self.solver.pad[:: max(len(self.solver.pad) // WAYS, 1)]
         if self._gap([body]) < -OUTSIDE or self._above(body, some, ABOVE) > 0.0:
             return True
-        return isinstance(body.surface, Surface) and self._within(body, body.surface.vertices)
+        return isinstance(body.surface, Surface) and self._within(body, body.surface)
 
-    def _within(self, body: ContactBody, vertices: Array) -> bool:
-        """Return whether a vertex is inside the finger: nearer to the bone than the skin in the same direction."""
-        some = vertices[:: len(vertices) // VERTICES + 1] @ body.rotation.T + body.translation - self.solver.bone
+    def _within(self, body: ContactBody, surface: Surface) -> bool:
+        """Return whether a face's corner is inside the finger: nearer to the bone than the skin in the same direction.
+
+        A vertex without a face bounds nothing.
+        """
+        corners = surface.triangles[:: len(surface.triangles) // VERTICES + 1, 0]
+        some = surface.vertices[corners] @ body.rotation.T + body.translation - self.solver.bone
         skin = self.solver.pad - self.solver.bone
         far, deep = (np.sqrt(np.einsum("ij,ij->i", v, v)) for v in (some, skin))
         line = (some @ skin.T) / np.maximum(far[:, None] * deep, 1e-300)
@@ -388,21 +392,45 @@ class SubStepper:
         gone = {int(i) for i in deep if _outside_bone(bodies[i], self.solver.bone)}
         if not gone:
             return step
-        ways = {i: self._retreat(bodies[i]) for i in gone}
-        over = {i: far for i, far in ways.items() if far is not None and not self._in_or_above(lowered(bodies[i], far))}
+        over = self._lowered(gone, bodies)
         for index in gone - over.keys():
             self._leave(index, "passed-through", THROUGH, "Raise the finger")
-        return self._over(over, self._felt(bodies)) if over else self._last(self._felt(bodies))
+        if not over:
+            return self._last(self._felt(bodies))
+        what = "the skin hung on the rim of an object that slid under the finger, and is pressed onto it anew"
+        self.solver.notes.warn("over-a-rim", what, self._number, remedy="Raise the finger, or come from above")
+        return self._anew(over, self._felt(bodies))
 
-    def _over(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:
-        """Press bodies again from below on whose rims the skin hung.
+    def _slid_past(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
+        """Press bodies again from below that the skin has slid past; ignore those that it slides past once more."""
+        pulling = self._press.pulling(step, self.solver.inward)
+        over = self._lowered(pulling, bodies) if pulling else {}
+        if over:
+            step = self._anew(dict.fromkeys(over, max(over.values())), self._felt(bodies))
+            pulling = self._press.pulling(step, self.solver.inward)
+            if over.keys() - set(pulling):
+                self.solver.notes.warn("slides-past", PAST + ANEW, self._number, remedy=LESS)
+        for index in pulling:
+            self._leave(index, "passed-through", PAST, LESS)
+        return self._last(self._felt(bodies)) if pulling else step
+
+    def _lowered(self, some: Iterable[int], bodies: Sequence[ContactBody]) -> dict[int, float]:
+        """Return the distance by which bodies must be lowered for the finger to be outside [m], by their index.
+
+        Bodies that are in the finger or above it even farther down are left out. Where a body just touches the skin,
+        the points of the pad cannot tell whether one of its vertices is inside.
+        """
+        ways, more = {i: self._retreat(bodies[i]) for i in some}, self.solver.search_radius
+        found = {i: far for i, far in ways.items() if far is not None}
+        return {i: far for i, far in found.items() if not self._in_or_above(lowered(bodies[i], far + more))}
+
+    def _anew(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:
+        """Press bodies again from below.
 
         Args:
             far: distance by which each must be lowered for the finger to be outside [m], by the index of the body.
             bodies: all bodies.
         """
-        what = "the skin hung on the rim of an object that slid under the finger, and is pressed onto it anew"
-        self.solver.notes.warn("over-a-rim", what, self._number, remedy="Raise the finger, or come from above")
         self.solver.step([AWAY if i in far else body for i, body in enumerate(bodies)], part=True)
         parts = max(int(np.ceil(min(max(far.values()), self.solver.depth_limit) / PRESSING)), 1)
         for k in range(parts - 1, 0, -1):

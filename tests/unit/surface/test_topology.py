@@ -83,6 +83,13 @@ def test_a_solid_with_cracks_of_rounding_is_closed_and_rays_do_not_slip_through(
         np.testing.assert_allclose(found.gap, exact.gap, atol=1e-8)
 
 
+def test_cracks_of_a_nanometre_open_no_bead() -> None:
+    """A bead of a millimetre is rounded as finely as its own coordinates, but it was joined beside a finger."""
+    sphere = Surface.sphere(1e-3, 500)
+    vertices, triangles = parted(sphere.vertices, sphere.triangles, 1e-9)
+    assert Surface.build(vertices, triangles).closed
+
+
 def test_corners_that_coincide_and_corners_that_rounding_parts_are_both_merged() -> None:
     """As in files of triangles without shared corners, some of whose numbers were rounded otherwise."""
     vertices, triangles = block(0.02, 0.03, 0.01)

@@ -185,12 +185,29 @@ def test_what_skin_slid_past_is_let_go_and_never_pulls(pad):
     assert total(steps.step([at(small, 0.4e-3, rises[5], 0.0)]))[2] == pytest.approx(forces[5], rel=1e-2)
 
 
+def test_what_skin_is_dragged_past_is_pressed_onto_it_anew_and_never_pulls(pad):
+    """A ball of 1 mm, 1.3 mm deep: skin dragged round it hung on its far side, and the ball drew it out."""
+    steps, small = stepper(pad), Surface.sphere(1e-3, 2000)
+    deep = np.linspace(0.0, 1.3e-3, 14)
+    places = [*((0.0, z) for z in deep), *((-0.1e-3 * k, deep[-1]) for k in range(1, 26))]
+    bodies = [ContactBody(small, translation=np.array([0.0, y, z]), friction=0.3) for y, z in places]
+    force = np.array([total(steps.step([body], scene_frame=float(k))) for k, body in enumerate(bodies)])
+    (told,) = steps.solver.findings
+    assert told.code == "slides-past" and told.count == 1 and (force[:, 2] >= 0.0).all()
+    frame = int(told.frame)
+    anew, y = stepper(pad), bodies[frame].translation[1]
+    for z in np.linspace(-0.2e-3, deep[-1], 16):
+        step = anew.step([ContactBody(small, translation=np.array([0.0, y, z]), friction=0.3)])
+    assert force[frame] == pytest.approx(total(step), abs=1e-2 * force[frame, 2])
+    assert np.linalg.norm(force[frame] - force[frame - 1]) > 0.5 * force[frame, 2]
+
+
 def test_what_slips_into_the_skin_is_a_finding(pad):
     """A frictionless ball of 1 mm parts linear skin; one of 5 mm does not, nor what is drawn aside."""
     steps, small = stepper(pad), Surface.sphere(1e-3, 2000)
     forces = [total(steps.step([at(small, 0.0, 0.05e-3 * k, 0.0)], scene_frame=float(k)))[2] for k in range(34)]
-    told, gone = steps.solver.findings
-    assert told.code == "slips-in" and gone.code == "passed-through"
+    told, past, gone = steps.solver.findings
+    assert (told.code, past.code, gone.code) == ("slips-in", "slides-past", "passed-through")
     worst = int(np.argmax(np.maximum.accumulate(forces) - forces > 0.02 * np.maximum.accumulate(forces)))
     assert gone.frame > told.frame == worst > 10
     for surface in (BALL, EDGE):

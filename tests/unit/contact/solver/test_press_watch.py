@@ -1,4 +1,4 @@
-"""What PressWatch takes for a loss of force."""
+"""What PressWatch takes for a loss of force, and for a body that the skin has slid past."""
 
 from __future__ import annotations
 
@@ -40,3 +40,31 @@ def test_force_that_falls_while_a_body_presses_deeper_is_lost() -> None:
 def test_there_is_no_share_of_a_force_towards_the_nail() -> None:
     """As when the finger begins inside an object: the share was negative, and a finding told of it."""
     assert lost([-1.0, -1.5, -2.0]) == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("leans", "tilt", "beside", "drawn"),
+    [
+        ((10.0, 80.0), 0.0, 0.06, ()),
+        ((170.0, 80.0), 0.0, 0.06, (1,)),
+        ((170.0, 80.0), 0.0, 0.05, ()),
+        ((170.0, 170.0), 0.0, 0.05, (0, 1)),
+        ((170.0, 50.0), 0.0, 0.06, ()),
+        ((10.0, 80.0), -60.0, 0.06, (1,)),
+    ],
+)
+def test_a_body_draws_skin_out_if_its_normal_forces_do_in_sum(
+    leans: tuple[float, float], tilt: float, beside: float, drawn: tuple[int, ...]
+) -> None:
+    """Body 0 presses in by 0.5 N; body 1 with 0.2 N and 1 N, along normals that lean so far from the skin's [degrees].
+
+    The skin is tilted by so much [degrees]. Body 1 is so far beside body 0 [m], which is 0.05 m wide: one that meets it
+    is a part of the same thing.
+    """
+    angles, skin = np.radians([tilt, tilt, *leans]), np.radians(tilt)
+    normals = np.stack([np.sin(angles), 0.0 * angles, np.cos(angles)], axis=1)
+    size, inward = np.array([0.2, 0.3, 0.2, 1.0]), np.tile([np.sin(skin), 0.0, np.cos(skin)], (4, 1))
+    bodies = ContactBody(BLOCK), ContactBody(BLOCK, translation=np.array([beside, 0.0, 0.0]))
+    solution = SimpleNamespace(loaded=np.ones(4, bool), normals=normals, normal_force=size)
+    step: Any = SimpleNamespace(solution=solution, gaps=SimpleNamespace(body=np.array([0, 0, 1, 1]), bodies=bodies))
+    assert PressWatch().pulling(step, inward) == drawn

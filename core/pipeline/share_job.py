@@ -9,7 +9,7 @@ import json
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from ..cache import Cache
 from ..devices.spec import DeviceSpec, from_preset
 from ..errors import Finding
 from ..presets import Library
+from ..recent import Recent
 from ..scene import scene_file
 from ..scene.tactile_scene import TactileScene
 from ..steps import drain
@@ -57,22 +58,40 @@ class Share:
         return replace(self, felt={f: touch.packed() for f, touch in self.felt.items()})
 
 
+class Opened(NamedTuple):
+    """A scene, and what its shares have in common.
+
+    Attributes:
+        scene: the scene.
+        library: the presets.
+        cache: cache of condensed skins; None to condense them here.
+        alike: skins that a share has made, see `skin_models`.
+    """
+
+    scene: TactileScene
+    library: Library
+    cache: Cache | None
+    alike: dict[str, SkinModel]
+
+
+_opened: Recent[str, Opened] = Recent(1)  # a process usually renders several shares of one scene
+
+
 def render_share(
-    scene: TactileScene, library: Library, fingers: Sequence[int], cache: Cache | None, beside: Sequence[int] = ()
+    opened: Opened, fingers: Sequence[int], beside: Sequence[int] = ()
 ) -> Generator[Progress, None, Share]:
     """Render the skins of some fingers and the devices that follow them.
 
     The generator yields progress.
 
     Args:
-        scene: the scene.
-        library: the presets.
+        opened: the scene.
         fingers: indices of the fingers.
-        cache: cache of condensed skins; None to condense them here.
         beside: indices of fingers without simulated skin that may hold an object together with `fingers`.
     """
     clock, told = Stages(), list[Finding]()  # findings are dropped: the caller has them for the whole scene
-    models = yield from skin_models(scene, fingers, library, cache, clock, told)
+    scene, library, cache, alike = opened
+    models = yield from skin_models(scene, fingers, library, cache, clock, told, alike)
     pad_contact, felt = yield from touched(scene, iter(scene.chunks), models, clock, fingers={*models, *beside})
     return Share(felt, (yield from driven_by(scene, library, pad_contact, felt, clock)), clock.seconds)
 
@@ -131,16 +150,16 @@ def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], rep
     Raises:
         DermisError: the file cannot be read, or see `render_share`.
     """
-    scene = scene_file.load(Path(parameters["scene"]))
+    key = json.dumps([parameters[name] for name in ("scene", "presets", "cache")])
+    opened = _opened.make(key, lambda: _open(parameters))
+    steps, samples = render_share(opened, parameters["fingers"], parameters["beside"]), opened.scene.sample_count
+    return arrays_of(drain(steps, lambda step: report(done_of(step, samples), size_of(samples))))
+
+
+def _open(parameters: Mapping[str, Any]) -> Opened:
     built_in, *own = (Path(folder) for folder in parameters["presets"])
     cache = None if parameters["cache"] is None else Cache(Path(parameters["cache"][0]), int(parameters["cache"][1]))
-    library = Library(own[0] if own else None, built_in)
-    steps = render_share(scene, library, parameters["fingers"], cache, parameters["beside"])
-
-    def tell(step: Progress) -> None:
-        report(done_of(step, scene.sample_count), size_of(scene.sample_count))
-
-    return arrays_of(drain(steps, tell))
+    return Opened(scene_file.load(Path(parameters["scene"])), Library(own[0] if own else None, built_in), cache, {})
 
 
 def size_of(samples: int) -> int:

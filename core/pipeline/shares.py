@@ -25,7 +25,7 @@ from .bake import Progress
 from .device_tracks import Driven
 from .felt import felt_by, touched
 from .kept_shares import KeptShares, keys_of
-from .share_job import Share, asked, done_of, driven_by, made_of, render_share, size_of
+from .share_job import Opened, Share, asked, done_of, driven_by, made_of, render_share, size_of
 from .stages import Stages
 
 if TYPE_CHECKING:
@@ -229,7 +229,7 @@ def _rendered(
                         made[k] = made_of(job.result(), scene, models, library).packed()
             for k in range(len(parts)):
                 if k not in made:  # The process of this share has died, so the share is rendered here.
-                    made[k] = yield from render_share(scene, library, parts[k][0], cache, parts[k][1])
+                    made[k] = yield from render_share(Opened(scene, library, cache, {}), *parts[k])
             return [made[k] for k in range(len(parts))]
         finally:
             for job in jobs:

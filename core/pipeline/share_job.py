@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Generator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..cache import Cache
 from ..devices.spec import DeviceSpec, from_preset
-from ..errors import Finding
+from ..errors import DermisError, Finding
 from ..presets import Library
 from ..recent import Recent
 from ..scene import scene_file
@@ -25,7 +26,7 @@ from ..steps import drain
 from ..track.command_track import CommandTrack
 from ..work.jobs import Report
 from .bake import Output, Progress
-from .device_tracks import Driven, driven, usable
+from .device_tracks import Driven, driven, renderer, usable
 from .felt import skin_models, touched
 from .stages import Stages
 
@@ -156,10 +157,36 @@ def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], rep
     return arrays_of(drain(steps, lambda step: report(done_of(step, samples), size_of(samples))))
 
 
+def begin(
+    _arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], _report: Report
+) -> dict[str, NDArray[Any]]:
+    """Import what shares of a scene need, as the job 'share-begin'.
+
+    Args:
+        _arrays: none.
+        parameters: folders of the presets, see `asked`, and keys of the device presets.
+        _report: not called.
+
+    Returns:
+        Nothing.
+    """
+    from ..contact import pad_sampler, skin_sampler  # noqa: F401
+
+    library = _library(parameters["presets"])
+    for name in parameters["devices"]:
+        with suppress(DermisError):  # the bake tells it
+            renderer(library.device(name))
+    return {}
+
+
+def _library(folders: Sequence[str]) -> Library:
+    built_in, *own = map(Path, folders)
+    return Library(own[0] if own else None, built_in)
+
+
 def _open(parameters: Mapping[str, Any]) -> Opened:
-    built_in, *own = (Path(folder) for folder in parameters["presets"])
     cache = None if parameters["cache"] is None else Cache(Path(parameters["cache"][0]), int(parameters["cache"][1]))
-    return Opened(scene_file.load(Path(parameters["scene"])), Library(own[0] if own else None, built_in), cache, {})
+    return Opened(scene_file.load(Path(parameters["scene"])), _library(parameters["presets"]), cache, {})
 
 
 def size_of(samples: int) -> int:

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from core.errors import DermisError, Finding
-from core.scene.content_hash import ContentHash
 from core.npz import opened_npz
 from core.scene import scene_file
+from core.scene.content_hash import ContentHash
 from core.scene.scene_file import load, save
 from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, header
 

@@ -68,8 +68,9 @@ class Patches:
 
         The shape of each is (n,).
         """
-        lengths = np.linalg.norm(self.sides, axis=2)
-        return lengths.min(axis=1), lengths.max(axis=1), np.sqrt(self.areas)
+        x, y, z = self.sides.reshape(-1, 3).T  # a sum over rows of three numbers takes six times as long
+        one, other = np.sqrt(x * x + y * y + z * z).reshape(-1, 2).T
+        return np.minimum(one, other), np.maximum(one, other), np.sqrt(self.areas)
 
     def take(self, index: NDArray[np.integer] | slice) -> Patches:
         """Return some of the pieces."""

@@ -305,7 +305,7 @@ class DiscContact:
             force[solution.near] = solution.force
         if nodal is None:
             return forces
-        loaded = forces.any(axis=(0, 2)).nonzero()[0]  # few points carry forces, and each acts on a few nodes
+        loaded = np.flatnonzero(forces.any(axis=(0, 2)))  # few points carry forces, and each acts on a few nodes
         made = forces[:, loaded].reshape(len(forces), -1) @ nodal[:, _degrees(loaded)].T
         return np.asarray(made.reshape(len(forces), -1, 3))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -24,6 +25,7 @@ from core.scene import scene_file
 from core.scene.tactile_scene import DeviceUse
 from core.skin import finger_skin
 from core.steps import drain
+from core.work.child import environment
 from core.work.executor import InlineExecutor
 from core.work.processes import ProcessExecutor
 from tests.finger_rows import COUNT, alone, holding, same, three
@@ -135,6 +137,21 @@ def test_a_process_reads_a_scene_and_makes_its_skins_once(tmp_path: Path, monkey
         executor = InlineExecutor(2)
         same(expected, drain(render(three(), Library(), cache=Cache(tmp_path, 10**9), executor=executor)))
         assert len(read) == k and len(made) == 2 * k, "one skin here and one there, for three fingers"
+
+
+def test_a_process_that_finds_all_tables_kept_loads_no_scientific_library(tmp_path: Path) -> None:
+    """SciPy takes a tenth of a second of every process; a thimble on a skin needs only what is in the cache."""
+    scene, cache = three("thimble_3rrs"), Cache(tmp_path / "cache", 10**9)
+    drain(render(scene, Library(), cache=cache))
+    scene_file.save(scene, tmp_path / "scene.npz")
+    given = asked(tmp_path / "scene.npz", Library(), cache, [0], [])
+    code = (
+        "import sys\nfrom core.pipeline.share_job import work\n"
+        f"made = work({{}}, {given!r}, lambda *_: None)\nassert made['0/0/signal/contact'].any()\n"
+        "assert 'scipy' not in sys.modules, 'it was loaded'"
+    )
+    done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_leaving_a_bake_ends_its_processes(processes: ProcessExecutor) -> None:

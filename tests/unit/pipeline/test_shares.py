@@ -140,18 +140,20 @@ def test_a_process_reads_a_scene_and_makes_its_skins_once(tmp_path: Path, monkey
 
 
 def test_a_process_that_finds_all_tables_kept_loads_no_scientific_library(tmp_path: Path) -> None:
-    """SciPy takes a tenth of a second of every process; a thimble on a skin needs only what is in the cache."""
-    scene, cache = three("thimble_3rrs"), Cache(tmp_path / "cache", 10**9)
-    drain(render(scene, Library(), cache=cache))
-    scene_file.save(scene, tmp_path / "scene.npz")
-    given = asked(tmp_path / "scene.npz", Library(), cache, [0], [])
+    """SciPy takes a tenth of a second of every process; a thimble on a skin needs it only to make the tables."""
+    scene_file.save(three("thimble_3rrs"), tmp_path / "scene.npz")
+    given = asked(tmp_path / "scene.npz", Library(), Cache(tmp_path / "cache", 10**9), [0], [])
     code = (
         "import sys\nfrom core.pipeline.share_job import work\n"
         f"made = work({{}}, {given!r}, lambda *_: None)\nassert made['0/0/signal/contact'].any()\n"
-        "assert 'scipy' not in sys.modules, 'it was loaded'"
+        "print('scipy' in sys.modules)"
     )
-    done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+    found = []
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        found.append(done.stdout.strip())
+    assert found == ["True", "False"]
 
 
 def test_leaving_a_bake_ends_its_processes(processes: ProcessExecutor) -> None:

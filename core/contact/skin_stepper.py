@@ -83,6 +83,7 @@ class SkinStepper:
         self._middle, self._half = (low + high) / 2, (high - low) / 2
         self._order: list[int] = []  # every body that has come near so far
         self._gaps: NodeGaps | None = None  # of the sample that was solved last
+        self._gentle: bool | None = None  # see `gentle`; None: not known yet
         self._radius = REACH if self.on_points else self.bone.solver.search_radius
 
     @property
@@ -211,22 +212,14 @@ class SkinStepper:
     @property
     def gentle(self) -> bool:
         """Whether, in the last solved sample, all points near an object face one smooth piece of one object."""
-        gaps = self._gaps
-        if gaps is None:
-            return False
-        near = np.flatnonzero((gaps.body >= 0) & (gaps.clearance < NEARBY))
-        if len(near) < SEVERAL:
-            return False
-        normals, bodies = gaps.normal[near], gaps.body[near]
-        mean, surface = normals.sum(axis=0), gaps.bodies[bodies[0]].surface
-        if (bodies != bodies[0]).any() or (normals @ mean).min() <= GENTLE * np.sqrt(mean @ mean):
-            return False
-        return not isinstance(surface, Surface) or len(np.unique(surface.pieces[gaps.triangle[near]])) == 1
+        if self._gentle is None:
+            self._gentle = self._gaps is not None and _faces_one_piece(self._gaps)
+        return self._gentle
 
     def _taken(self, bone: BoneStep, frame: float) -> SkinStep:
         """Sum up a sample that was solved."""
         solution, solver = bone.step.solution, self.bone.solver
-        self._gaps = bone.step.gaps
+        self._gaps, self._gentle = bone.step.gaps, None
         if self._coarse is not None:
             self._coarse.take(solution, frame)
         self._doubts.take(bone.step, frame, on_points=self.on_points)
@@ -292,3 +285,18 @@ def _skin_step(bone: BoneStep, points: PointForces | None = None) -> SkinStep:
         step.amounts,
         sums.slide,
     )
+
+
+def _faces_one_piece(gaps: NodeGaps) -> bool:
+    """Return whether all points near an object face one smooth piece of one object."""
+    near = np.flatnonzero((gaps.body >= 0) & (gaps.clearance < NEARBY))
+    if len(near) < SEVERAL:
+        return False
+    normals, bodies = gaps.normal[near], gaps.body[near]
+    mean, surface = normals.sum(axis=0), gaps.bodies[bodies[0]].surface
+    if (bodies != bodies[0]).any() or (normals @ mean).min() <= GENTLE * np.sqrt(mean @ mean):
+        return False
+    if not isinstance(surface, Surface):
+        return True
+    pieces = surface.pieces[gaps.triangle[near]]
+    return bool((pieces == pieces[0]).all())

@@ -10,7 +10,7 @@ undone.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -139,7 +139,7 @@ class Strides:
             self._last = self._stepper.step(approach, i + len(shares) - 1)
             if self._smooth(self._last) and stride.suits(self._last):
                 self.between += len(shares) - 1
-                yield from (between(last, self._last, share) for share in shares[:-1])
+                yield from between(last, self._last, shares[:-1])
                 yield self._last
             else:  # an edge or a bump has appeared, or skin has lifted off or begun to stick
                 self._stepper.restore(state)
@@ -225,46 +225,52 @@ def _straight(ways: _Ways, rows: NDArray[np.intp]) -> list[Stride]:
     ]
 
 
-def between(a: SkinStep, b: SkinStep, share: float) -> SkinStep:
-    """Interpolate the touch between two samples linearly; counts of nodes are those of the nearer one.
+def between(a: SkinStep, b: SkinStep, shares: Sequence[float]) -> Iterator[SkinStep]:
+    """Yield touches between two samples, interpolated linearly; counts of nodes are those of the nearer sample.
 
     Args:
         a, b: touches at the two samples.
-        share: 0 for the first sample, 1 for the second.
+        shares: position of each touch: 0 for the first sample, 1 for the second.
     """
-
-    def mixed(one: float, other: float) -> float:
-        return (1.0 - share) * one + share * other
-
-    nearer = a if share < 0.5 else b
-    return SkinStep(
-        (1.0 - share) * a.force + share * b.force,
-        mixed(a.normal_force, b.normal_force),
-        mixed(a.tangential_force, b.tangential_force),
-        mixed(a.depth, b.depth),
-        mixed(a.lift, b.lift),
-        nearer.sticking,
-        nearer.slipping,
-        "between",
-        a.converged and b.converged,
-        _points(a.points, b.points, share),
-        _amounts(a.amounts, b.amounts, share),
-        mixed(a.slide, b.slide),
-    )
+    found = _both(a.points, b.points)
+    for share in shares:
+        rest, nearer = 1.0 - share, a if share < 0.5 else b
+        yield SkinStep(
+            rest * a.force + share * b.force,
+            rest * a.normal_force + share * b.normal_force,
+            rest * a.tangential_force + share * b.tangential_force,
+            rest * a.depth + share * b.depth,
+            rest * a.lift + share * b.lift,
+            nearer.sticking,
+            nearer.slipping,
+            "between",
+            a.converged and b.converged,
+            None if found is None else _mixed(*found, share),
+            _amounts(a.amounts, b.amounts, share),
+            rest * a.slide + share * b.slide,
+        )
 
 
-def _points(a: PointForces | None, b: PointForces | None, share: float) -> PointForces | None:
-    """Return the weighted sum of both forces, on the cells of either; None if both are None."""
-    if a is None and b is None:
+def _both(a: PointForces | None, b: PointForces | None) -> tuple[PointForces, PointForces] | None:
+    """Return both forces on the cells of either, 0 on cells of the other only; None if both are None."""
+    given = [p for p in (a, b) if p is not None]
+    if not given:
         return None
-    parts = [(p, s) for p, s in ((a, 1.0 - share), (b, share)) if p is not None]
-    cells, places = np.unique(np.concatenate([p.cells for p, _ in parts]), return_inverse=True)
-    force, at = np.zeros((len(cells), 3)), 0
-    for p, s in parts:
-        force[places.reshape(-1)[at : at + len(p.cells)]] += s * p.force  # each touch has a cell at most once
-        at += len(p.cells)
-    amounts = _amounts(None if a is None else a.amounts, None if b is None else b.amounts, share)
-    return PointForces(parts[0][0].surface, cells, force, amounts)
+    cells, places = np.unique(np.concatenate([p.cells for p in given]), return_inverse=True)
+    made, at = [], 0
+    for p in (a, b):
+        force = np.zeros((len(cells), 3))
+        if p is not None:
+            force[places.reshape(-1)[at : at + len(p.cells)]] += p.force  # each touch has a cell at most once
+            at += len(p.cells)
+        made.append(PointForces(given[0].surface, cells, force, None if p is None else p.amounts))
+    return made[0], made[1]
+
+
+def _mixed(a: PointForces, b: PointForces, share: float) -> PointForces:
+    """Return the weighted sum of forces on the same cells."""
+    force = (1.0 - share) * a.force + share * b.force
+    return PointForces(a.surface, a.cells, force, _amounts(a.amounts, b.amounts, share))
 
 
 def _amounts(a: Array | None, b: Array | None, share: float) -> Array | None:

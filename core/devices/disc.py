@@ -295,13 +295,14 @@ class DiscContact:
 
     def nodal_forces(self, solutions: list[DiscSolution]) -> Array:
         """Return the forces of contacts on the nodes of the skin's mesh [N], shape (n, m, 3)."""
-        forces, spread = np.zeros((len(solutions), self.count, 3)), self.points.spread
+        forces, nodal = np.zeros((len(solutions), self.count, 3)), self.points.nodal
         for force, solution in zip(forces, solutions, strict=True):
             force[solution.near] = solution.force
-        if spread is None:
+        if nodal is None:
             return forces
-        nodal = (spread @ forces.reshape(-1, 3 * self.count).T).T
-        return np.ascontiguousarray(nodal).reshape(-1, self.points.node_count, 3)
+        loaded = np.flatnonzero(forces.any(axis=(0, 2)))  # few points carry forces, and each acts on a few nodes
+        made = forces[:, loaded].reshape(len(forces), -1) @ nodal[:, _degrees(loaded)].T
+        return np.asarray(made.reshape(len(forces), -1, 3))
 
     def settle(self, solution: DiscSolution) -> FrictionState:
         """Return the friction state after a step that ended with a solution.

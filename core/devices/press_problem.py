@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -76,16 +75,6 @@ class PressPoints:
     nodal: Array | None = None
     law: LawTables | None = None
     modulus: float = 1.0
-
-    @cached_property
-    def spread(self) -> Any:
-        """`nodal` as a sparse matrix; None if the points are the nodes.
-
-        A point's force acts on a few nodes only.
-        """
-        from scipy.sparse import csr_array
-
-        return None if self.nodal is None else csr_array(self.nodal)
 
     @property
     def node_count(self) -> int:

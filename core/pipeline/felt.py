@@ -29,6 +29,7 @@ def skin_models(
     cache: Cache | None,
     clock: Stages,
     findings: list[Finding],
+    alike: dict[str, SkinModel] | None = None,
 ) -> Generator[Progress, None, dict[int, SkinModel]]:
     """Make the skins of some fingers; yield progress.
 
@@ -41,12 +42,13 @@ def skin_models(
         cache: cache of condensed skins; None to condense them anew.
         clock: run times. If there is any skin, later stages use a single BLAS thread.
         findings: list to which the reasons of left-out skins are appended.
+        alike: skins that were made before, by their parameters, to which new ones are added; None for none.
 
     Returns:
         The skins by the index of the finger.
     """
     made: dict[int, SkinModel] = {}
-    alike: dict[str, SkinModel] = {}
+    alike = {} if alike is None else alike
     for done, f in enumerate(sorted(fingers)):
         yield Progress("skin", done, len(fingers))
         from ..skin.finger_skin import finger_skin

@@ -7,24 +7,26 @@ from __future__ import annotations
 
 import json
 from collections.abc import Generator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..cache import Cache
 from ..devices.spec import DeviceSpec, from_preset
-from ..errors import Finding
+from ..errors import DermisError, Finding
 from ..presets import Library
+from ..recent import Recent
 from ..scene import scene_file
 from ..scene.tactile_scene import TactileScene
 from ..steps import drain
 from ..track.command_track import CommandTrack
 from ..work.jobs import Report
 from .bake import Output, Progress
-from .device_tracks import Driven, driven, usable
+from .device_tracks import Driven, driven, renderer, usable
 from .felt import skin_models, touched
 from .stages import Stages
 
@@ -57,22 +59,40 @@ class Share:
         return replace(self, felt={f: touch.packed() for f, touch in self.felt.items()})
 
 
+class Opened(NamedTuple):
+    """A scene, and what its shares have in common.
+
+    Attributes:
+        scene: the scene.
+        library: the presets.
+        cache: cache of condensed skins; None to condense them here.
+        alike: skins that a share has made, see `skin_models`.
+    """
+
+    scene: TactileScene
+    library: Library
+    cache: Cache | None
+    alike: dict[str, SkinModel]
+
+
+_opened: Recent[str, Opened] = Recent(1)  # a process usually renders several shares of one scene
+
+
 def render_share(
-    scene: TactileScene, library: Library, fingers: Sequence[int], cache: Cache | None, beside: Sequence[int] = ()
+    opened: Opened, fingers: Sequence[int], beside: Sequence[int] = ()
 ) -> Generator[Progress, None, Share]:
     """Render the skins of some fingers and the devices that follow them.
 
     The generator yields progress.
 
     Args:
-        scene: the scene.
-        library: the presets.
+        opened: the scene.
         fingers: indices of the fingers.
-        cache: cache of condensed skins; None to condense them here.
         beside: indices of fingers without simulated skin that may hold an object together with `fingers`.
     """
     clock, told = Stages(), list[Finding]()  # findings are dropped: the caller has them for the whole scene
-    models = yield from skin_models(scene, fingers, library, cache, clock, told)
+    scene, library, cache, alike = opened
+    models = yield from skin_models(scene, fingers, library, cache, clock, told, alike)
     pad_contact, felt = yield from touched(scene, iter(scene.chunks), models, clock, fingers={*models, *beside})
     return Share(felt, (yield from driven_by(scene, library, pad_contact, felt, clock)), clock.seconds)
 
@@ -131,16 +151,42 @@ def work(_arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], rep
     Raises:
         DermisError: the file cannot be read, or see `render_share`.
     """
-    scene = scene_file.load(Path(parameters["scene"]))
-    built_in, *own = (Path(folder) for folder in parameters["presets"])
+    key = json.dumps([parameters[name] for name in ("scene", "presets", "cache")])
+    opened = _opened.make(key, lambda: _open(parameters))
+    steps, samples = render_share(opened, parameters["fingers"], parameters["beside"]), opened.scene.sample_count
+    return arrays_of(drain(steps, lambda step: report(done_of(step, samples), size_of(samples))))
+
+
+def begin(
+    _arrays: Mapping[str, NDArray[Any]], parameters: Mapping[str, Any], _report: Report
+) -> dict[str, NDArray[Any]]:
+    """Import what shares of a scene need, as the job 'share-begin'.
+
+    Args:
+        _arrays: none.
+        parameters: folders of the presets, see `asked`, and keys of the device presets.
+        _report: not called.
+
+    Returns:
+        Nothing.
+    """
+    from ..contact import pad_sampler, skin_sampler  # noqa: F401
+
+    library = _library(parameters["presets"])
+    for name in parameters["devices"]:
+        with suppress(DermisError):  # the bake tells it
+            renderer(library.device(name))
+    return {}
+
+
+def _library(folders: Sequence[str]) -> Library:
+    built_in, *own = map(Path, folders)
+    return Library(own[0] if own else None, built_in)
+
+
+def _open(parameters: Mapping[str, Any]) -> Opened:
     cache = None if parameters["cache"] is None else Cache(Path(parameters["cache"][0]), int(parameters["cache"][1]))
-    library = Library(own[0] if own else None, built_in)
-    steps = render_share(scene, library, parameters["fingers"], cache, parameters["beside"])
-
-    def tell(step: Progress) -> None:
-        report(done_of(step, scene.sample_count), size_of(scene.sample_count))
-
-    return arrays_of(drain(steps, tell))
+    return Opened(scene_file.load(Path(parameters["scene"])), _library(parameters["presets"]), cache, {})
 
 
 def size_of(samples: int) -> int:

@@ -25,7 +25,7 @@ from .bake import Progress
 from .device_tracks import Driven
 from .felt import felt_by, touched
 from .kept_shares import KeptShares, keys_of
-from .share_job import Share, asked, done_of, driven_by, made_of, render_share, size_of
+from .share_job import Opened, Share, asked, done_of, driven_by, made_of, render_share, size_of
 from .stages import Stages
 
 if TYPE_CHECKING:
@@ -89,6 +89,8 @@ def touched_in_shares(
     Raises:
         DermisError: another process refused its share.
     """
+    if executor is not None:
+        _begin(scene, models, library, executor)
     kept: list[Chunk] = []
     pad_contact, _ = yield from touched(scene, chunks, {}, clock, kept)
     whole = replace(scene, chunks=kept)
@@ -116,6 +118,22 @@ def touched_in_shares(
     return Touched(
         pad_contact, dict(sorted(felt.items())), ready, sum(len(made[lot].felt) for lot in shares.keys() - left)
     )
+
+
+def _begin(scene: TactileScene, models: Mapping[int, SkinModel], library: Library, executor: JobExecutor) -> None:
+    """Start the other processes, which import what they need while this one samples the scene.
+
+    They are started only if they may shorten the work.
+    """
+    if saved({(f,): scene.sample_count for f in models}, executor.workers) >= SAVED:
+        devices = sorted({use.preset for f in models for use in scene.fingers[f].devices})
+        needs = {"presets": [str(folder) for folder in library.folders], "devices": devices}
+        executor.begin(min(_others(scene, executor), len(models)), "share-begin", needs)
+
+
+def _others(scene: TactileScene, executor: JobExecutor) -> int:
+    """Return how many shares other processes render at once, see `FEW` and `SHORT`."""
+    return executor.workers - (executor.workers <= FEW and scene.sample_count <= SHORT)
 
 
 def _rendered_here(
@@ -200,7 +218,7 @@ def _rendered(
             ended = threading.Event()
             parts = [([f for f in lot if f in models], [f for f in lot if f not in models]) for lot in shares]
             told, each, made = [0] * len(parts), size_of(scene.sample_count), dict[int, Share]()
-            others = executor.workers - (executor.workers <= FEW and scene.sample_count <= SHORT)
+            others = _others(scene, executor)
             left, own = deque(range(len(parts))), -1
             here: Generator[Progress, None, list[Share]] | None = None
             while left or jobs or here is not None:
@@ -229,7 +247,7 @@ def _rendered(
                         made[k] = made_of(job.result(), scene, models, library).packed()
             for k in range(len(parts)):
                 if k not in made:  # The process of this share has died, so the share is rendered here.
-                    made[k] = yield from render_share(scene, library, parts[k][0], cache, parts[k][1])
+                    made[k] = yield from render_share(Opened(scene, library, cache, {}), *parts[k])
             return [made[k] for k in range(len(parts))]
         finally:
             for job in jobs:

@@ -121,19 +121,26 @@ class SceneChunks:
 
     def __iter__(self) -> Iterator[Chunk]:
         triangles: dict[int, NDArray[np.int32]] = {}
-        for k, entry in enumerate(self.table):
-            where, told = f"{self.path}, chunk {k}", "a chunk of the scene is damaged"
-            with opened_npz(self.path, kind="a sampled scene") as archive, damage_told(told, where):
-                series = {name: _numbers(archive, f"chunk/{k}/{name}", *_SERIES[name]) for name in _SERIES}
-                names = [_text(name) for name in entry["channels"]]
-                animated = {name: _numbers(archive, f"chunk/{k}/channel/{i}", 1) for i, name in enumerate(names)}
-                surfaces = {
-                    int(b): self._surfaces(archive, f"chunk/{k}/surface/{b}", ids, triangles)
-                    for b, ids in entry["surfaces"].items()
-                }
-                chunk = Chunk(**series, surfaces=surfaces, animated=animated)
-                _check_lengths(chunk, where)
-            yield chunk
+        # A file with many chunks has a long table of contents, so the file is opened only once.
+        with opened_npz(self.path, kind="a sampled scene") as archive:
+            for k, entry in enumerate(self.table):
+                yield self._chunk(archive, k, entry, triangles)
+
+    def _chunk(
+        self, archive: ArrayFile, k: int, entry: Mapping[str, Any], triangles: dict[int, NDArray[np.int32]]
+    ) -> Chunk:
+        where = f"{self.path}, chunk {k}"
+        with damage_told("a chunk of the scene is damaged", where):
+            series = {name: _numbers(archive, f"chunk/{k}/{name}", *_SERIES[name]) for name in _SERIES}
+            names = [_text(name) for name in entry["channels"]]
+            animated = {name: _numbers(archive, f"chunk/{k}/channel/{i}", 1) for i, name in enumerate(names)}
+            surfaces = {
+                int(b): self._surfaces(archive, f"chunk/{k}/surface/{b}", ids, triangles)
+                for b, ids in entry["surfaces"].items()
+            }
+            chunk = Chunk(**series, surfaces=surfaces, animated=animated)
+            _check_lengths(chunk, where)
+        return chunk
 
     def _surfaces(
         self, archive: ArrayFile, name: str, ids: list[int], triangles: dict[int, NDArray[np.int32]]

@@ -9,6 +9,7 @@ restored afterwards.
 from __future__ import annotations
 
 import ctypes
+import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
 
+ONE_THREAD = "OPENBLAS_NUM_THREADS", "1"  # variable that OpenBLAS reads when it is loaded, and its value in a child
 _INTEGERS = 11  # arguments of LAPACK's dsyevr that are integers or arrays of them
 _lock = threading.Lock()
 _held = 0  # number of running blocks in all threads
@@ -68,9 +70,11 @@ def _restore() -> None:
 def pools() -> ThreadpoolController:
     """Return the controller of all BLAS thread pools.
 
-    It takes milliseconds to find the pools, so the controller is kept.
+    It takes milliseconds to find the pools, so the controller is kept. In a child process, SciPy's library needs no
+    limit when it is loaded later, and it is not loaded here: that takes a tenth of a second.
     """
-    import scipy.linalg  # noqa: F401  (loads its library, so that it is found)
+    if os.environ.get(ONE_THREAD[0]) != ONE_THREAD[1]:
+        import scipy.linalg  # noqa: F401  (loads its library, so that it is found)
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController().select(user_api="blas")

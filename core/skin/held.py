@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..components import components
 from ..errors import DermisError
 from .mesh import FACES, TetraMesh
 
@@ -67,16 +68,11 @@ def parts_by_face(mesh: TetraMesh) -> NDArray[np.int64]:
 
     The elements of a part are connected by shared faces.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     faces = np.sort(mesh.tetrahedra[:, FACES].reshape(-1, 3), axis=1)
     order = np.lexsort(faces.T)
     same = (faces[order[1:]] == faces[order[:-1]]).all(axis=1)
     one, other = order[:-1][same] // 4, order[1:][same] // 4
-    size = len(mesh.tetrahedra)
-    joined = coo_array((np.ones(len(one), bool), (one, other)), shape=(size, size))
-    return np.asarray(connected_components(joined, directed=False)[1], np.int64)
+    return components(len(mesh.tetrahedra), one, other)
 
 
 def _levers(nodes: Array, node: NDArray[np.integer], on: NDArray[np.integer], count: int) -> Array:

@@ -30,7 +30,7 @@ from .mesh import TetraMesh
 from .own_mesh import own_mesh
 from .quality import check_mesh, unsolvable
 from .shape import FingertipShape, shape_from_parameters
-from .store import MESH_ARRAYS, read_model, read_table, write_model, write_table
+from .store import MESH_ARRAYS, kept, read_model, read_table, write_model, write_table
 from .stress import Probes, StressOperator, receptor_probes
 
 Floats = NDArray[np.floating[Any]]
@@ -280,8 +280,14 @@ class SkinModel:
     def unit_stress(self) -> Array:
         """Matrix H: |H f| is the stress norm for forces f, shape (3 m, 3 m).
 
-        It is the same for every E, since the stress for given forces does not depend on E.
+        It is the same for every E, since the stress for given forces does not depend on E. The matrix is read from the
+        cache, or computed at its first use.
         """
+        shape = 2 * (3 * self.pad_count,)
+        made = kept(self.cache, cache_key(self.key, "stress"), {"root": shape}, lambda: {"root": self._stress_root()})
+        return made["root"]
+
+    def _stress_root(self) -> Array:
         weighted = StressOperator(self.mesh, self.material.unit, self.element).weighted_matrix
         weighted = weighted[:, degrees(self.mesh.free)].tocsr()
         normal = (weighted.T.tocsr() @ weighted).tocsr()

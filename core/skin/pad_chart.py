@@ -10,8 +10,8 @@ the exponential of a complex number, whose real and imaginary part are the coord
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
 from functools import cached_property
 
 import numpy as np
@@ -29,6 +29,17 @@ CELL_SIDES = (0.8e-3, 0.4e-3, 0.2e-3, 0.1e-3)  # nominal sides of the cells of e
 ROOTS = 8
 LARGEST = 1.2  # largest side of a cell of level 0, relative to the nominal side
 CUT_MARGIN = 2.0e-3  # margin at the cut end that does not belong to the pad [m], as in meshes
+# Shapes of the arrays of a chart with n cells, see `PadChart.tables`; None stands for any length.
+TABLES: Mapping[str, tuple[int | None, ...]] = {
+    "places": (None, 2),
+    "halves": (None, 2),
+    "starts": (None,),
+    "beside": (None, 3, 3),
+    "positions": (None, 3),
+    "normals": (None, 3),
+    "sides": (None, 2, 3),
+    "areas": (None,),
+}
 _STEP = 1e-5  # step of numerical derivatives in the chart; truncation and rounding errors are near 1e-10
 
 
@@ -57,8 +68,9 @@ class Patches:
 
         The shape of each is (n,).
         """
-        lengths = np.linalg.norm(self.sides, axis=2)
-        return lengths.min(axis=1), lengths.max(axis=1), np.sqrt(self.areas)
+        x, y, z = self.sides.reshape(-1, 3).T  # a sum over rows of three numbers takes six times as long
+        one, other = np.sqrt(x * x + y * y + z * z).reshape(-1, 2).T
+        return np.minimum(one, other), np.maximum(one, other), np.sqrt(self.areas)
 
     def take(self, index: NDArray[np.integer] | slice) -> Patches:
         """Return some of the pieces."""
@@ -127,6 +139,24 @@ class PadChart:
         starts = np.cumsum([0] + [len(level[0]) for level in tree])
         places, halves = (np.concatenate(parts) for parts in zip(*tree, strict=True))
         return cls(shape, *_with_bars(places, halves, starts.tolist()), tuple(starts.tolist()))
+
+    @classmethod
+    def restored(cls, shape: FingertipShape, tables: Mapping[str, Array]) -> PadChart:
+        """Return the chart of a fingertip from its tables, see `tables`."""
+        starts = tuple(int(start) for start in tables["starts"])
+        chart = cls(shape, tables["places"], tables["halves"], starts)
+        chart.__dict__["cells"] = Patches(*(tables[name] for name in ("positions", "normals", "sides", "areas")))
+        chart.__dict__["beside"] = tables["beside"].astype(np.int64)
+        return chart
+
+    def tables(self) -> dict[str, Array]:
+        """Return the chart as arrays by name in double precision, to be stored.
+
+        They contain the pieces of skin and the neighbours, which take a tenth of a second to compute.
+        """
+        own = {"places": self.places, "halves": self.halves, "starts": np.array(self.starts), "beside": self.beside}
+        named = {**own, **asdict(self.cells)}
+        return {name: np.asarray(array, np.float64) for name, array in named.items()}
 
     def __repr__(self) -> str:
         return f"PadChart({self.starts[1]} cells, {len(self.starts) - 1} levels)"

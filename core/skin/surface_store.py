@@ -11,9 +11,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ..arrays import Array
 from ..cache import Cache, cache_key
 from ..errors import DermisError, Finding
 from ..recent import Recent
@@ -22,14 +19,14 @@ from ..version import version
 from .fingertip import fingertip_mesh
 from .material import Elastic
 from .model import SkinModel, condensed_pad, shape_and_material
-from .pad_chart import CELL_SIDES, PadChart
+from .pad_chart import CELL_SIDES, TABLES, PadChart
 from .remainder import STEPS, Remainder, fit_remainder
 from .shape import FingertipShape
 from .store import kept
 from .surface_compliance import SurfaceCompliance
 
 REMAINDER_VERSION = 1  # part of the key of every remainder; increase it when mesh, kernel or fit changes
-CHART_VERSION = 1  # part of the key of a chart's neighbours; increase it when their computation changes
+CHART_VERSION = 2  # part of the key of a chart's tables; increase it when their computation changes
 QUICK, FINEST = "fine", "reference"  # levels of the mesh for the fit: of any shape, and of the shipped shapes
 SHIPPED = BUILT_IN / "skins"
 
@@ -132,19 +129,9 @@ def smooth_pad(skin: SkinModel) -> SurfaceCompliance | None:
 
 
 def _chart(shape: FingertipShape, cache: Cache | None) -> PadChart:
-    """Return the chart of a shape.
-
-    Its neighbours are read from the cache, because finding them would import a large library.
-    """
-    chart = PadChart.of(shape)
+    """Return the chart of a shape with its cells and neighbours, which are read from the cache if they are there."""
     key = cache_key(f"dermis-chart {CHART_VERSION}", version(), repr(shape), repr(CELL_SIDES))
-
-    def made() -> dict[str, Array]:
-        return {"beside": chart.beside.astype(np.float64)}
-
-    found = kept(cache, key, {"beside": (chart.starts[1], 3, 3)}, made)["beside"]
-    chart.__dict__["beside"] = found.astype(np.int64)
-    return chart
+    return PadChart.restored(shape, kept(cache, key, TABLES, lambda: PadChart.of(shape).tables()))
 
 
 def no_smooth_pad(skin: SkinModel, name: str) -> Finding:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..components import components
 from ..errors import DermisError, Finding
 from ..scene.tactile_scene import Mesh, check_mesh
 from .patches import Patches, bends, weights
@@ -335,9 +336,6 @@ def corner_normals(mesh: Mesh, sharp: float = SHARP) -> Array:
         mesh: the mesh, with T triangles.
         sharp: angle between two faces [rad]. At this angle or more the edge between them is sharp.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     topology = Topology.build(mesh.vertices, mesh.triangles)
     corners, across = topology.corners, topology.across
     points = mesh.vertices[mesh.triangles]
@@ -356,9 +354,8 @@ def corner_normals(mesh: Mesh, sharp: float = SHARP) -> Array:
         match = corners[other] == corners[triangle, corner][:, None]
         here.append(3 * triangle + corner)
         there.append(3 * other + match.argmax(axis=1))
-    ones = np.ones(2 * len(triangle), bool)
-    joined = coo_array((ones, (np.concatenate(here), np.concatenate(there))), shape=(corners.size,) * 2)
-    count, group = connected_components(joined, directed=False)
+    group = components(corners.size, np.concatenate(here), np.concatenate(there))
+    count = 1 + int(group.max(initial=-1))
     summed = np.zeros((count, 3))
     weighted = (angle[..., None] * face[:, None, :]).reshape(-1, 3)
     for axis in range(3):

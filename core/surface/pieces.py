@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Indices
+from ..components import components
 from .topology import Topology
 from .triangles import TriangleTable
 
@@ -18,9 +19,6 @@ RADIUS, LARGE = 5e-3, 1e-3
 
 def pieces(table: TriangleTable, topology: Topology) -> Indices:
     """Return the index of each triangle's piece, shape (T,)."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
     ab, ac = table.rows[3:6].T, table.rows[6:9].T
     lengths = np.sqrt(np.maximum(table.rows[[9, 11, 10]].T, 1e-300))
     heights = np.sqrt((np.cross(ab, ac) ** 2).sum(axis=1))[:, None] / lengths  # above each edge
@@ -31,6 +29,4 @@ def pieces(table: TriangleTable, topology: Topology) -> Indices:
     normals, across = table.bounds[3:6].T, topology.across
     together = (across >= 0) & (np.einsum("tk,tek->te", normals, normals[across]) > smallest)
     triangle, edge = together.nonzero()
-    pairs, count = (triangle, across[triangle, edge]), len(across)
-    graph = coo_matrix((np.ones(len(triangle), bool), pairs), shape=(count, count))
-    return np.asarray(connected_components(graph, directed=False)[1])
+    return components(len(across), triangle, across[triangle, edge])

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..arrays import Array, Indices
+from ..components import components
 from .topology import BOUNDARY, Topology
 from .triangles import TriangleTable, column_crosses, column_dots
 
@@ -44,7 +45,7 @@ def roundness(table: TriangleTable, topology: Topology) -> float:
         return float("inf")
     if (turn[convex] > EDGE).any():
         return 0.0
-    face = _faces(len(usable), triangle[~bent], other[~bent])
+    face = components(len(usable), triangle[~bent], other[~bent])  # index of each triangle's flat face
     widths = _widths(table, normals.T, areas, face, triangle[bent], edge[bent])
     here = np.full(across.shape, np.nan)
     here[triangle[bent], edge[bent]] = widths
@@ -81,15 +82,6 @@ def _normals(table: TriangleTable, across: Indices, area: Array) -> Array:
         sure[left[found]] = True
         left = left[~found]
     return normals
-
-
-def _faces(count: int, one: Indices, other: Indices) -> Indices:
-    """Return the index of each triangle's flat face, shape (count,), from pairs of triangles in one face."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    pairs = coo_array((np.ones(len(one), dtype=np.int8), (one, other)), shape=(count, count))
-    return np.asarray(connected_components(pairs, directed=False)[1], dtype=np.int64)
 
 
 def _widths(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Array
+from ..components import components
 from .triangles import TriangleTable
 
 REGULAR, BOUNDARY, IRREGULAR = 0, 1, 2
@@ -138,13 +139,8 @@ class Topology:
     @cached_property
     def parts(self) -> NDArray[np.int64]:
         """Index of each triangle's part, connected across edges, shape (T,)."""
-        from scipy.sparse import coo_array
-        from scipy.sparse.csgraph import connected_components
-
         triangle, edge = (self.across >= 0).nonzero()
-        pairs, count = (triangle, self.across[triangle, edge]), len(self.across)
-        graph = coo_array((np.ones(triangle.size, np.bool_), pairs), shape=(count, count))
-        return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+        return components(len(self.across), triangle, self.across[triangle, edge])
 
     def fits(self, vertices: Array, triangles: NDArray[np.integer]) -> bool:
         """Return whether this topology holds for triangles in another shape.
@@ -192,8 +188,6 @@ def _welded(vertices: Array, found: Topology) -> tuple[NDArray[np.int64], float]
     Returns:
         Index of the vertex that replaces each vertex, shape (V,), and the largest distance between the two [m].
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
     rim = np.unique(found.corners[(found.edge_kind == BOUNDARY).any(axis=1)])
@@ -201,8 +195,7 @@ def _welded(vertices: Array, found: Topology) -> tuple[NDArray[np.int64], float]
     pairs = cKDTree(vertices[rim]).query_pairs(near, output_type="ndarray")
     if not len(pairs):
         return found.merged, 0.0
-    graph = coo_array((np.ones(len(pairs), np.bool_), rim[pairs].T), shape=(len(vertices),) * 2)
-    group = connected_components(graph, directed=False)[1][found.merged]
+    group = components(len(vertices), *rim[pairs].T)[found.merged]
     # Groups of vertices that `found` replaced are empty, so the numbers of the others have gaps.
     _, first, place = np.unique(group, return_index=True, return_inverse=True)
     merged = first[place]
@@ -220,9 +213,6 @@ def _doubled(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
     Of triangles with the same orientation, all but the first are marked. Of two with opposite orientations, both are
     marked, unless the part consists of such pairs only. It is then a sheet with two sides, and one side is kept.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     count = len(corners)
     live = (corners != np.roll(corners, -1, axis=1)).all(axis=1)
     row, lowest = np.arange(count), corners.argmin(axis=1)
@@ -240,9 +230,7 @@ def _doubled(corners: NDArray[np.int64]) -> NDArray[np.bool_]:
     if not both:
         return out
     pairs = np.array([[kept[0][name], kept[1][name]] for name in both])
-    ends = np.stack([np.repeat(row, 3), count + corners.ravel()])
-    graph = coo_array((np.ones(3 * count, np.bool_), ends), shape=(count + corners.max() + 1,) * 2)
-    part = connected_components(graph, directed=False)[1][:count]
+    part = components(count + int(corners.max()) + 1, np.repeat(row, 3), count + corners.ravel())[:count]
     alone = np.ones(part.max() + 1, dtype=np.bool_)
     single = live & ~out
     single[pairs] = False
@@ -332,7 +320,7 @@ def _edges(triangles: NDArray[np.integer]) -> NDArray[np.int64]:
     return (start << 32 | np.roll(start, -1, axis=1)).ravel()
 
 
-def _joined(edges: NDArray[np.int64], inner: NDArray[np.intp]) -> NDArray[np.int32] | None:
+def _joined(edges: NDArray[np.int64], inner: NDArray[np.intp]) -> NDArray[np.int64] | None:
     """Return the face of each triangle if joined at inner edges.
 
     Args:
@@ -343,16 +331,12 @@ def _joined(edges: NDArray[np.int64], inner: NDArray[np.intp]) -> NDArray[np.int
         Index of each triangle's face, shape (t,). None unless each inner edge joins two triangles, each face has
         several triangles, and no vertex lies within a face.
     """
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     start, end = edges[inner] >> 32, edges[inner] & 0xFFFFFFFF
     there, back = np.argsort(edges[inner]), np.argsort(end << 32 | start)
     if not np.array_equal(edges[inner][there], (end << 32 | start)[back]):
         return None
     t = edges.size // 3
-    graph = coo_array((np.ones(inner.size), (inner[there] // 3, inner[back] // 3)), shape=(t, t))
-    count, face = connected_components(graph, directed=False)
+    face = components(t, inner[there] // 3, inner[back] // 3)
     # If the triangles of a face are joined as a tree, no vertex lies within the face.
-    tree = inner.size == 2 * (t - count)
+    tree = inner.size == 2 * (t - 1 - face.max(initial=-1))
     return face if tree and np.bincount(face).min() > 1 else None

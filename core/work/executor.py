@@ -137,6 +137,18 @@ class JobExecutor(Executor):
         """
         raise NotImplementedError
 
+    def begin(self, count: int, name: str, parameters: Mapping[str, Any]) -> None:
+        """Start workers ahead of their jobs, as far as the executor can.
+
+        Args:
+            count: how many workers will have jobs.
+            name, parameters: job that each started worker runs first, such as one that imports modules. Its result is
+                dropped, and its failure has no effect.
+
+        Raises:
+            DermisError: see `submit`.
+        """
+
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self.shutdown(cancel_futures=kind is not None)
 

@@ -30,6 +30,7 @@ JOBS: Table = {
     "adapt": ".matching.adapt:adapt_job",
     "compare": ".comparison.job:compare_job",
     "share": ".pipeline.share_job:work",
+    "share-begin": ".pipeline.share_job:begin",
     "shot": ".pipeline.shot:work",
     "sweep-reading": ".sweep.readings:work",
     "sweep-row": ".sweep.job:work",

@@ -55,6 +55,7 @@ class ProcessExecutor(JobExecutor):
         self._line = line or command("work")
         self._jobs: queue.SimpleQueue[tuple[JobFuture, Job] | None] = queue.SimpleQueue()
         self._open: set[JobFuture] = set()
+        self._begun: list[JobFuture] = []
         self._threads: list[threading.Thread] = []
         self._closed = False
         self._lock = threading.Lock()
@@ -71,10 +72,17 @@ class ProcessExecutor(JobExecutor):
             self._open.add(future)
             self._jobs.put((future, job))
             if len(self._threads) < min(self.workers, sum(not job.done() for job in list(self._open))):
-                self._threads.append(threading.Thread(target=self._work, daemon=True))
-                self._threads[-1].start()
+                self._start(None)
         future.add_done_callback(self._open.discard)
         return future
+
+    def begin(self, count: int, name: str, parameters: Mapping[str, Any]) -> None:
+        """See `JobExecutor.begin`."""
+        job = Job(name, {}, parameters, self.table)
+        with self._lock:
+            for _ in range(0 if self._closed else min(count, self.workers) - len(self._threads)):
+                self._begun.append(JobFuture())
+                self._start((self._begun[-1], job))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Refuse new jobs, and end the processes after the submitted jobs.
@@ -87,7 +95,7 @@ class ProcessExecutor(JobExecutor):
             self._closed = True
             for _ in self._threads:
                 self._jobs.put(None)  # surplus None items do no harm
-        for future in list(self._open) if cancel_futures else ():
+        for future in [*self._begun, *(self._open if cancel_futures else ())]:
             future.cancel()
         for thread in self._threads if wait else ():
             thread.join()
@@ -96,14 +104,18 @@ class ProcessExecutor(JobExecutor):
         """End the jobs and the processes."""
         self.shutdown(cancel_futures=True)
 
-    def _work(self) -> None:
-        """Run jobs in one child process until the executor is shut down.
+    def _start(self, first: tuple[JobFuture, Job] | None) -> None:
+        self._threads.append(threading.Thread(target=self._work, args=(first,), daemon=True))
+        self._threads[-1].start()
+
+    def _work(self, first: tuple[JobFuture, Job] | None) -> None:
+        """Run jobs in one child process until the executor is shut down, after a first one of its own.
 
         Each worker has a thread for this.
         """
         worker: _Worker | None = None
-        while (item := self._jobs.get()) is not None:
-            future, job = item
+        while (item := first or self._jobs.get()) is not None:
+            first, (future, job) = None, item
             if not future.set_running_or_notify_cancel():
                 continue
             try:

@@ -16,8 +16,8 @@ CORE = ROOT / "core"
 ADDON = ROOT / "blender_addon"
 
 GROUND = set(
-    "arrays errors units version foreign files npz column_names number_rows cache interpolate recent following steps "
-    "parameters shipped memory clock kernels".split()
+    "arrays components errors units version foreign files npz column_names number_rows cache interpolate recent "
+    "following steps parameters shipped memory clock kernels".split()
 )
 # Files of devices/ that need no more than a device's description: presets are judged by them.
 MECHANISMS = {kind.mechanism.partition(".")[0] for kind in KINDS.values()} | set(
@@ -34,6 +34,7 @@ LIVE = TRACK | {"work", "stream.protocols", "stream.protocols.bus", "stream.link
 MAY_IMPORT: dict[str, set[str]] = {
     # the ground
     "arrays": set(),
+    "components": {"arrays"},
     "errors": set(),
     "version": set(),
     "recent": set(),

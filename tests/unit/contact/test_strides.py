@@ -239,7 +239,7 @@ def test_forces_of_two_samples_are_mixed_on_the_cells_of_either(skin: SkinModel)
     other = PointForces(surface, np.array([2, 9]), forces[2:], None)
     node = np.zeros((skin.pad_count, 3))
     a, b = SkinStep(node, 1.0, points=one, amounts=np.ones(2)), SkinStep(node + 1.0, 3.0, points=other)
-    made = between(a, b, 0.25)
+    (made,) = between(a, b, [0.25])
     assert made.points is not None and made.points.cells.tolist() == [2, 5, 9]
     np.testing.assert_allclose(
         made.points.force, [0.75 * forces[1] + 0.25 * forces[2], 0.75 * forces[0], 0.25 * forces[3]]
@@ -248,8 +248,8 @@ def test_forces_of_two_samples_are_mixed_on_the_cells_of_either(skin: SkinModel)
     np.testing.assert_allclose(made.force, 0.25)
     assert made.normal_force == pytest.approx(1.5) and made.work == "between"
     assert (
-        between(a, SkinStep(node), 0.5).points is not None
-        and between(SkinStep(node), SkinStep(node), 0.5).points is None
+        next(between(a, SkinStep(node), [0.5])).points is not None
+        and next(between(SkinStep(node), SkinStep(node), [0.5])).points is None
     )
 
 

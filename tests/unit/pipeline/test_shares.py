@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,14 +14,18 @@ import pytest
 from core.cache import Cache
 from core.contact.pad_sampler import PadSampler
 from core.errors import DermisError
-from core.pipeline import shares
+from core.pipeline import share_job, shares
 from core.pipeline.bake import Progress
 from core.pipeline.render import render, run
 from core.pipeline.share_job import asked
 from core.pipeline.shares import saved, shares_of
 from core.presets import Library
+from core.recent import Recent
+from core.scene import scene_file
 from core.scene.tactile_scene import DeviceUse
+from core.skin import finger_skin
 from core.steps import drain
+from core.work.child import environment
 from core.work.executor import InlineExecutor
 from core.work.processes import ProcessExecutor
 from tests.finger_rows import COUNT, alone, holding, same, three
@@ -117,6 +122,38 @@ def test_the_work_of_a_process_that_dies_is_done_here() -> None:
     line = [sys.executable, "-c", "raise SystemExit(3)"]
     with ProcessExecutor(2, line=line) as dying:
         same(alone(), drain(render(three(), Library(), executor=dying)))
+
+
+def test_a_process_reads_a_scene_and_makes_its_skins_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It renders several shares, and the skin with its tables serves fingers that are alike."""
+    expected, read, made = alone(), list[Path](), list[str]()
+    load, make = scene_file.load, finger_skin.finger_skin
+    monkeypatch.setattr(share_job, "_opened", Recent(1))
+    monkeypatch.setattr(scene_file, "load", lambda path: read.append(path) or load(path))
+    monkeypatch.setattr(
+        finger_skin, "finger_skin", lambda *given, where, **how: made.append(where) or make(*given, where=where, **how)
+    )
+    for k in (1, 2):
+        executor = InlineExecutor(2)
+        same(expected, drain(render(three(), Library(), cache=Cache(tmp_path, 10**9), executor=executor)))
+        assert len(read) == k and len(made) == 2 * k, "one skin here and one there, for three fingers"
+
+
+def test_a_process_that_finds_all_tables_kept_loads_no_scientific_library(tmp_path: Path) -> None:
+    """SciPy takes a tenth of a second of every process; a thimble on a skin needs it only to make the tables."""
+    scene_file.save(three("thimble_3rrs"), tmp_path / "scene.npz")
+    given = asked(tmp_path / "scene.npz", Library(), Cache(tmp_path / "cache", 10**9), [0], [])
+    code = (
+        "import sys\nfrom core.pipeline.share_job import work\n"
+        f"made = work({{}}, {given!r}, lambda *_: None)\nassert made['0/0/signal/contact'].any()\n"
+        "print('scipy' in sys.modules)"
+    )
+    found = []
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", code], env=environment(), capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        found.append(done.stdout.strip())
+    assert found == ["True", "False"]
 
 
 def test_leaving_a_bake_ends_its_processes(processes: ProcessExecutor) -> None:

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 
 from core.errors import DermisError, Finding
+from core.npz import opened_npz
+from core.scene import scene_file
 from core.scene.content_hash import ContentHash
 from core.scene.scene_file import load, save
 from core.scene.tactile_scene import Body, Chunk, DeviceUse, Finger, Mesh, Screen, TactileScene, header
@@ -136,9 +138,22 @@ def test_chunks_are_drawn_one_by_one_and_read_lazily(tmp_path: Path) -> None:
     found = load(tmp_path / "s.npz")
     parts = iter(found.chunks)
     next(parts)
+    with (tmp_path / "s.npz").open("r+b") as file:  # the rest is not read yet
+        file.truncate(1000)
+    with pytest.raises(DermisError, match="damaged"):
+        next(parts)
     (tmp_path / "s.npz").unlink()
     with pytest.raises(DermisError, match="the file cannot be read"):
-        next(parts)
+        next(iter(found.chunks))
+
+
+def test_the_table_of_contents_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It has some rows for every chunk, so reading it again for each chunk would take the square of their number."""
+    save(scene(chunk(i, 1) for i in range(5)), tmp_path / "s.npz")
+    found, opened = load(tmp_path / "s.npz"), list[Path]()
+    monkeypatch.setattr(scene_file, "opened_npz", lambda path, **how: opened.append(path) or opened_npz(path, **how))
+    assert len(list(found.chunks)) == 5
+    assert opened == [tmp_path / "s.npz"]
 
 
 def test_sampling_that_fails_leaves_no_file(tmp_path: Path) -> None:

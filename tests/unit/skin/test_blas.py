@@ -11,6 +11,8 @@ import pytest
 
 pytest.importorskip("scipy")
 
+import scipy.linalg  # noqa: F401  (its library is held, too)
+
 from core.skin import blas
 from core.skin.blas import one_thread, pools, symmetric_eigenvectors
 

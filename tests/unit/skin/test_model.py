@@ -44,6 +44,16 @@ def test_cache_gives_back_the_same_bytes(tmp_path: Path) -> None:
     assert np.array_equal(bare.unit_response, response)
 
 
+def test_the_norm_of_stress_is_read_from_the_cache_to_the_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cache = Cache(tmp_path, 10**9)
+    made = fingertip_skin(level="draft", cache=cache).unit_stress
+    monkeypatch.setattr(SkinModel, "_stress_root", None)  # nobody computes it any more
+    read = fingertip_skin(material=Elastic(2e5, 0.48, 1.5), level="draft", cache=cache).unit_stress
+    assert read.tobytes() == made.tobytes(), "it is that of every stiffness"
+    monkeypatch.undo()
+    assert fingertip_skin(level="draft").unit_stress.tobytes() == made.tobytes()
+
+
 def test_damage_and_deletion_are_harmless(tmp_path: Path) -> None:
     cache = Cache(tmp_path, 10**9)
     made = fingertip_skin(level="draft", cache=cache)
@@ -162,7 +172,7 @@ def test_the_norm_of_stress_is_computed_in_pieces_to_the_same_last_bit(
     norms = []
     for columns in (model.COLUMNS, 3 * skin.pad_count):
         monkeypatch.setattr(model, "COLUMNS", columns)
-        norms.append(SkinModel.unit_stress.func(skin).tobytes())  # type: ignore[attr-defined]
+        norms.append(skin._stress_root().tobytes())
     assert norms[0] == norms[1]
 
 

@@ -291,18 +291,20 @@ def test_a_pad_does_not_depend_on_who_asked_for_it_first(monkeypatch: pytest.Mon
     assert len(set(found)) == 1
 
 
-def test_which_cells_lie_beside_each_other_is_kept_with_the_skin(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_chart_is_kept_with_the_skin_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cache, found = Cache(tmp_path, 10**9), []
     for _ in range(2):
         monkeypatch.setattr(surface_store, "_pads", Recent(1))
         made = smooth_pad(fingertip_skin(level="draft", cache=cache))
         assert made is not None
-        found.append(made.chart.beside)
-        monkeypatch.setattr(PadChart, "beside", None)  # nobody finds them any more
+        found.append(made.chart)
+        monkeypatch.setattr(PadChart, "of", None)  # nobody makes one any more
     monkeypatch.undo()
-    expected = PadChart.of(FingertipShape()).beside
-    for beside in found:
-        assert beside.dtype == expected.dtype
-        np.testing.assert_array_equal(beside, expected)
+    expected = PadChart.of(FingertipShape())
+    tables = expected.tables()
+    for chart in found:
+        assert (chart.shape, chart.starts) == (expected.shape, expected.starts)
+        assert chart.beside.dtype == expected.beside.dtype
+        assert {name: array.tobytes() for name, array in chart.tables().items()} == {
+            name: array.tobytes() for name, array in tables.items()
+        }

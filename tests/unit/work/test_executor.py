@@ -241,6 +241,29 @@ def test_shutdown_without_waiting_lets_the_process_end_with_its_job(tmp_path: Pa
     assert gone(int(future.result(60)["pid"]))
 
 
+def test_a_worker_that_began_ahead_does_its_jobs_and_no_other_starts(tmp_path: Path) -> None:
+    file = tmp_path / "first"
+    with processes(2) as executor:
+        executor.begin(1, "dawdle", {"file": str(file), "seconds": 0.5})
+        found = executor.submit("echo").result(60)  # asked for while the first job runs
+        assert int(found["pid"]) == begun(file) and len(executor._threads) == 1
+        executor.begin(1, "refuse", {})
+        assert len(executor._threads) == 1, "it is there already"
+        executor.begin(3, "refuse", {})
+        assert len(executor._threads) == 2, "the second of two"
+        both = [executor.submit("dawdle", {}, {"seconds": 1.0}) for _ in range(2)]
+        assert len({int(job.result(60)["pid"]) for job in both}) == 2, "a first job that is refused changes nothing"
+
+
+def test_nobody_waits_for_a_worker_that_began_for_nothing(tmp_path: Path) -> None:
+    with processes() as executor:
+        executor.begin(1, "dawdle", {"file": str(tmp_path / "first"), "seconds": 300.0})
+        pid = begun(tmp_path / "first")
+    assert gone(pid, 5.0)
+    executor.begin(1, "echo", {})
+    assert len(executor._threads) == 1, "it was shut down"
+
+
 def test_an_exception_in_the_block_ends_running_and_waiting_jobs(tmp_path: Path) -> None:
     with pytest.raises(KeyError), processes() as executor:
         running = executor.submit("dawdle", {}, {"seconds": 60.0, "file": str(tmp_path / "pid")})

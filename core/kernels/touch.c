@@ -434,7 +434,8 @@ static void solve(dermis_touch *t, view *views) {
         double still = goal, nearest = __builtin_inf();
         past last = {3 * near.count, 0, t->work, 0.0};
         int waited = 0, alone = 0, in_round = 0;
-        while (t->sweeps < t->most && t->residual > goal) {
+        /* where normals have turned since the last visit, forces may be beyond their cones */
+        while (t->sweeps < t->most && t->residual > (round == 3 && in_round == 0 ? 0.0 : goal)) {
             double change = 0.0, size = 0.0;
             forces_of(t, &near, before);
             for (int64_t j = 0; j < near.count; j++) visit(t, views, &near, j, trust, in_round);

@@ -126,7 +126,7 @@ class SubStepper:
         if begins:
             self._forget()
             start = self._start(bodies, before, gaps)
-        arrived = {} if begins else self._arrived(start, bodies, before)
+        arrived = {} if begins else self._arrived(start, bodies, before, gaps)
         start = [arrived.get(i, body) for i, body in enumerate(start)]
         arriving = max((travel(a, bodies[i], self.solver.pad) for i, a in arrived.items()), default=0.0)
         ways = self._ways(start, bodies, gaps, int(np.ceil(arriving / PRESSING)))
@@ -277,14 +277,16 @@ class SubStepper:
         start: Sequence[ContactBody],
         bodies: Sequence[ContactBody],
         before: Callable[[], Sequence[ContactBody] | None],
+        gaps: NodeGaps,
     ) -> dict[int, ContactBody]:
-        """Return bodies that come in from outside, where they first touch, by their indices.
+        """Return bodies that come in from outside unseen, where they first touch, by their indices.
 
-        The gaps of a frame show them only where points are near them already.
+        They press where no point has been near them, so the frame's gaps do not show them.
         """
-        loaded, pad, found = self.solver.loaded_bodies, self.solver.pad, {}
+        seen = self.solver.loaded_bodies | set(gaps.body[gaps.clearance < 0.0].tolist())
+        pad, found = self.solver.pad, {}
         for i, body in enumerate(bodies):
-            if body.away or i in loaded:
+            if body.away or i in seen:
                 continue
             known = before() if start[i].away else start
             came = known[i] if known is not None and i < len(known) else AWAY

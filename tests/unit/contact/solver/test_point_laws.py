@@ -192,8 +192,8 @@ def test_what_skin_is_dragged_past_is_pressed_onto_it_anew_and_never_pulls(pad):
     places = [*((0.0, z) for z in deep), *((-0.1e-3 * k, deep[-1]) for k in range(1, 26))]
     bodies = [ContactBody(small, translation=np.array([0.0, y, z]), friction=0.3) for y, z in places]
     force = np.array([total(steps.step([body], scene_frame=float(k))) for k, body in enumerate(bodies)])
-    (told,) = steps.solver.findings
-    assert told.code == "slides-past" and told.count == 1 and (force[:, 2] >= 0.0).all()
+    told = {finding.code: finding for finding in steps.solver.findings}["slides-past"]
+    assert told.count == 1 and (force[:, 2] >= 0.0).all()
     frame = int(told.frame)
     anew, y = stepper(pad), bodies[frame].translation[1]
     for z in np.linspace(-0.2e-3, deep[-1], 16):

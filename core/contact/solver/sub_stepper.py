@@ -18,7 +18,7 @@ from ...arrays import Array, Indices
 from ...surface.crossing import first_crossing
 from ...surface.gap import Surface
 from .between import between, lowered, matter_moved, reshaped, vertices_moved
-from .bodies import AWAY, ContactBody, NodeGaps, same_places, travel
+from .bodies import AWAY, ContactBody, NodeGaps, node_gaps, same_places, travel
 from .near_surface import NearTriangles
 from .path_solver import PathSolver
 from .path_step import PathStep
@@ -291,7 +291,9 @@ class SubStepper:
             known = before() if start[i].away else start
             came = known[i] if known is not None and i < len(known) else AWAY
             if travel(came, body, pad) > PRESSING and self._gap([body]) < -OUTSIDE <= self._gap([came]):
-                found[i] = self._first_touch([came], [body])[0]
+                below = node_gaps(pad, bodies, OUTSIDE, self.solver.bone)
+                if (below.body[below.gap < -OUTSIDE] == i).any():  # it is in no other body's place
+                    found[i] = self._first_touch([came], [body])[0]
         return found
 
     def _retreat(self, body: ContactBody) -> float | None:

@@ -18,7 +18,7 @@ from ...arrays import Array, Indices
 from ...surface.crossing import first_crossing
 from ...surface.gap import Surface
 from .between import between, lowered, matter_moved, reshaped, vertices_moved
-from .bodies import AWAY, ContactBody, NodeGaps, node_gaps, same_places, travel
+from .bodies import AWAY, TIE, ContactBody, NodeGaps, least_gaps, same_places, travel
 from .near_surface import NearTriangles
 from .path_solver import PathSolver
 from .path_step import PathStep
@@ -291,8 +291,11 @@ class SubStepper:
             known = before() if start[i].away else start
             came = known[i] if known is not None and i < len(known) else AWAY
             if travel(came, body, pad) > PRESSING and self._gap([body]) < -OUTSIDE <= self._gap([came]):
-                below = node_gaps(pad, bodies, OUTSIDE, self.solver.bone)
-                if (below.body[below.gap < -OUTSIDE] == i).any():  # it is in no other body's place
+                own, others = (
+                    least_gaps(pad, some, OUTSIDE, self.solver.bone)
+                    for some in ([body], [*bodies[:i], *bodies[i + 1 :]])
+                )
+                if ((own < -OUTSIDE) & (own < others - TIE)).any():  # it is in no other body's place
                     found[i] = self._first_touch([came], [body])[0]
         return found
 

@@ -69,7 +69,7 @@ def test_after_a_change_of_the_contact_nothing_old_is_used(parts, tmp_path: Path
     description.digest_of.cache_clear()
     try:
         assert description.shipped_of(*parts) is not None
-        changed = tmp_path / "contact" / "solver" / "solve.py"
+        changed = tmp_path / "contact" / "solver" / "sweeps.py"
         changed.write_bytes(changed.read_bytes().replace(b"\n", b"\r\n"))
         description.digest_of.cache_clear()
         assert description.shipped_of(*parts) is not None, "ends of lines say nothing"

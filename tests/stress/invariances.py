@@ -177,7 +177,7 @@ def judge_work(values: Values) -> Verdict:
     if felt[[0, -1]].any():  # it is closed in the air
         raise ValueError("the way is not closed: the solid still touches at its end")
     work = np.concatenate([[0.0], np.cumsum(0.5 * np.einsum("ij,ij->i", felt[1:] + felt[:-1], np.diff(moved, axis=0)))])
-    verdict.hold("work", abs(float(work[-1])) / max(float(work.max()), 1e-300), tolerances.INVARIANCE["work"])
+    verdict.hold("work", abs(float(work[-1])) / max(float(np.abs(work).max()), 1e-300), tolerances.INVARIANCE["work"])
     return verdict
 
 

@@ -111,9 +111,10 @@ def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft
             best, least = found, law.save()
     none = np.zeros_like(b)
     tried = before.left == np.inf  # it failed in the last frame; not tried in every frame, since it takes seconds
+    fixed = replace(gaps, where=None)  # so far from its solution, a gap that follows the points leads astray
     for parts in STRAIGHT if least.left > USABLE and not tried else ():
         law.reset()
-        found, ends = _walked(solver, law, b, gaps, soft, none, _depth(gaps), parts)
+        found, ends = _walked(solver, law, b, fixed, soft, none, _depth(gaps), parts)
         if ends and law.left < least.left:
             best, least = found, law.save()
         if law.settled:

@@ -19,6 +19,8 @@ from core.surrogate.forward import DirectModel
 from core.surrogate.store import contact_of
 from tests.stiff import on_nodes
 
+from .test_disc import gaps_of_nodes
+
 FRICTION = 0.6
 DEPTHS = np.linspace(0.1e-3, 1.2e-3, 12)
 
@@ -54,7 +56,7 @@ def test_the_path_solver_finds_the_same_forces() -> None:
     contact, found, _ = pressed(skin().on_nodes)
     path = on_nodes(skin())
     for each in found:
-        step = path.step([contact.disc.body(each.pose, FRICTION)])
+        step = path.step_gaps(gaps_of_nodes(path, (contact.disc.body(each.pose, FRICTION),)))
     force = contact.nodal(found[-1])
     assert np.linalg.norm(step.nodal - force) < 0.02 * np.linalg.norm(force)
     assert step.amounts is not None and found[-1].amounts is not None

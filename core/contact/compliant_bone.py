@@ -212,7 +212,7 @@ class CompliantBone:
                 f"the finger is dragged farther than {self._tissue} skin is trusted",
                 scene_frame,
                 value=f"{1e3 * step.sums.slide:.2f} mm",
-                limit=f"<= {1e3 * self._range.slide:g} mm",
+                limit=f"<= {1e3 * self._range.slide:.3g} mm",
                 remedy="Press less deep while it slides, or use less friction",
             )
         return BoneStep(step, retraction + spring, depth)

@@ -2,13 +2,15 @@
 
 Beyond it, frames are reported. For linear skin, the range of the penetration is fixed; for nonlinear skin, it is the
 largest penetration at which the error of the model was measured to be at most `WORST`. The range of the slide is the
-largest one that was measured to add at most as much to the error.
+largest one that adds at most as much to the error, between measured slides by interpolation.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
 from typing import NamedTuple
+
+import numpy as np
 
 from ..parameters.error_bands import DEPTHS, LINEAR, NEO_HOOKEAN, SLID_AT, SLIDES, error_band
 from .solver.path_solver import DEPTH_LIMIT
@@ -38,9 +40,9 @@ def trusted(tissue: str) -> Range:
         DermisError: the tissue model is unknown.
     """
     deep = [d for d in DEPTHS if error_band(tissue, d).stress.median <= WORST]
-    far = [s for s in SLIDES if _stress(tissue, s) - _stress(tissue, 0.0) <= WORST]
+    more = [_stress(tissue, s) - _stress(tissue, 0.0) for s in SLIDES]
     depth = DEPTH_LIMIT if tissue == LINEAR else max(deep, default=DEPTHS[0])
-    return Range(depth, max(far))
+    return Range(depth, float(np.interp(WORST, more, SLIDES)))
 
 
 def _stress(tissue: str, slide: float) -> float:

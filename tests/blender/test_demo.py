@@ -126,10 +126,12 @@ def test_two_bakes_give_the_same_bytes() -> None:
     ],
 )
 def test_every_demo_bakes_without_a_warning(demo: str) -> None:
+    """But for pins: the experiment of [S1] drags linear skin 3 mm, which is as wrong there as at the deepest press."""
     choices.refresh()
     operator, given = DEMOS[demo]
     assert getattr(bpy.ops.dermis, operator)(**given) == {"FINISHED"}
     scene = bpy.context.window.scene
     assert not doubts.of(scene, bpy.context.view_layer)
     assert bpy.ops.dermis.bake() == {"FINISHED"}
-    assert not [str(f) for f in store.current(scene).bake.all_findings if f.severity != "info"]
+    told = [f for f in store.current(scene).bake.all_findings if f.severity != "info"]
+    assert [f.code for f in told] == ["slid-far"] * (demo == "pins"), [str(f) for f in told]

@@ -30,7 +30,8 @@ class _Drawn(NamedTuple):
     Attributes:
         points: points of the undeformed skin [m], shape (m, 3). body: index of the body at each point, shape (m,).
         loaded: indices of the points that carried force, shape (n,).
-        way: its mean displacement, weighted by the forces [m], shape (3,).
+        forces: on these points [N], shape (n, 3).
+        way: mean displacement of these points, weighted by the forces [m], shape (3,).
         force: sum of the forces [N], shape (3,).
         most: largest size of that sum in this touch so far [N].
     """
@@ -38,6 +39,7 @@ class _Drawn(NamedTuple):
     points: Array
     body: Indices
     loaded: Indices
+    forces: Array
     way: Array
     force: Array
     most: float
@@ -64,6 +66,8 @@ class ReleaseWatch:
     def released(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> float:
         """Return the change of the force in a frame in which skin let go, over the largest force; zero in others.
 
+        Skin that an object leaves, and which it does no more work on, is not told.
+
         Args:
             came: bodies at the begin of the frame.
             step: result of the frame.
@@ -79,7 +83,8 @@ class ReleaseWatch:
         if share <= SEEN:
             return 0.0
         went = before.way if now is None else now.way - before.way
-        return share if np.sqrt(went @ went) > OWN * _way(came, step, before) else 0.0
+        far, work = _way(came, step, before)
+        return share if work >= 0.0 and np.sqrt(went @ went) > OWN * far else 0.0
 
 
 def _drawn(step: PathStep, points: Array) -> _Drawn | None:
@@ -90,18 +95,22 @@ def _drawn(step: PathStep, points: Array) -> _Drawn | None:
     force = step.solution.force.take(loaded, axis=0)
     size = np.sqrt(along(force, force))
     way = size @ step.displacement.take(loaded, axis=0) / size.sum()
-    return _Drawn(points, step.gaps.body, loaded, way, force.sum(axis=0), 0.0)
+    return _Drawn(points, step.gaps.body, loaded, force, way, force.sum(axis=0), 0.0)
 
 
-def _way(came: Sequence[ContactBody], step: PathStep, drawn: _Drawn) -> float:
-    """Return how far the bodies that pressed moved in the frame at most [m]; infinite where it is not known."""
-    far, body = 0.0, drawn.body.take(drawn.loaded)
+def _way(came: Sequence[ContactBody], step: PathStep, drawn: _Drawn) -> tuple[float, float]:
+    """Return how far the bodies that pressed moved in the frame at most [m], and their work on the skin [J].
+
+    The way is infinite where it is not known.
+    """
+    far, work, body = 0.0, 0.0, drawn.body.take(drawn.loaded)
     for index in set(body.tolist()):
         if step.gaps is None or index < 0 or index >= min(len(came), len(step.gaps.bodies)):
-            return np.inf
+            return np.inf, 0.0
         a, b = came[index], step.gaps.bodies[index]
         if a.away or b.away or a.surface is not b.surface:
-            return np.inf
+            return np.inf, 0.0
         way = moved(a, b, drawn.points[drawn.loaded[body == index]])
         far = max(far, float(np.sqrt((way * way).sum(axis=1)).max()))
-    return far
+        work += float(np.vdot(way, drawn.forces[body == index]))
+    return far, work

@@ -98,6 +98,7 @@ class Plate:
         solver = _Cells(
             0.5 * (compliance + compliance.T),
             self.patches.positions,
+            self.patches.normals,
             areas=self.patches.areas,
             tolerance=TOLERANCE,
             name="plate",

@@ -57,10 +57,8 @@ def test_linear_skin_keeps_its_depth_and_tissue_that_stiffens_is_trusted_where_i
 
 def test_a_slide_costs_linear_skin_no_more_than_its_deepest_press() -> None:
     slide = trusted("linear").slide
-    pressed, slid, farther = (
-        error_band("linear", SLID_AT, s).stress.median for s in (0.0, slide, SLIDES[SLIDES.index(slide) + 1])
-    )
-    assert slid - pressed <= WORST < farther - pressed
+    pressed, slid = (error_band("linear", SLID_AT, s).stress.median for s in (0.0, slide))
+    assert slid - pressed == pytest.approx(WORST, rel=1e-3) and slide < SLIDES[-1]
 
 
 def test_slide_is_how_far_what_sticks_is_drawn_along(skin: SkinModel) -> None:
@@ -83,8 +81,9 @@ def test_who_is_dragged_or_pressed_beyond_is_told_with_the_frame(
         for mode in ("animated", "compliant"):
             slides, findings = drawn(stiff, 1.4e-3, 2.5e-3, mode)
             found = {f.code: f for f in findings}
-            assert found["slid-far"].frame == int((slides > 1e-3).argmax()) and found["slid-far"].limit == "<= 1 mm"
-            assert found["slid-far"].count == int((slides > 1e-3).sum()) and "neo-Hookean" in found["slid-far"].what
+            far = slides > trusted("neo_hookean").slide
+            assert found["slid-far"].frame == int(far.argmax()) and found["slid-far"].limit == "<= 1.24 mm"
+            assert found["slid-far"].count == int(far.sum()) and "neo-Hookean" in found["slid-far"].what
             assert mode == "compliant" or found["too-deep"].limit == "<= 1 mm"
         _, linear = drawn(skin, 1.4e-3, 2.5e-3)
         assert [f.code for f in linear] == ["slid-far"] and "linear skin" in linear[0].what

@@ -2,8 +2,9 @@
 
 A frame is solved in four steps. The gaps are measured. The anchors give the offset b, which is shifted where the
 direction of slip turns (`frame_friction.py`). The forces of the last two frames are extrapolated. From these forces,
-compiled sweeps go from node to node until Coulomb's law holds (`sweeps.py`). For neo-Hookean tissue, contact is solved
-on linear skin, displaced by the law's correction; then the correction is renewed, until the two agree (`law_frame.py`).
+compiled sweeps go from node to node until Coulomb's law holds, while the gaps follow (`smooth_contact.py`). For
+neo-Hookean tissue, contact is solved on linear skin, displaced by the law's correction; then the correction is renewed,
+until the two agree (`law_frame.py`).
 """
 
 from __future__ import annotations

@@ -1,7 +1,11 @@
 /* The closest triangle of a point: an exact search without state.
 
    A triangle is left out only if a lower bound of its distance exceeds an upper bound of the distance of the closest
-   one. So the result is the same as if all triangles were measured. The hint and the tree affect only the run time. */
+   one. So the result is the same as if all triangles were measured. The hint and the tree affect only the run time.
+
+   On a convex body a triangle is the closest one if it is closer than its neighbours. The search then walks from
+   triangle to triangle, downhill from the hint, and needs no tree. Where it cannot exclude that another triangle is
+   equally close, the tree decides. */
 #include "closest.h"
 
 #include "boxes.h"
@@ -18,6 +22,14 @@
 #define TIES 32
 /* A weight up to this counts as zero: the closest point is then on an edge or a corner. */
 #define ON_FEATURE 1e-9
+/* Largest number of triangles on a walk, and largest distance of a point for which it decides [m]. */
+#define STEPS 8
+#define FARTHEST_WALK 10e-3
+/* A body with triangles that rise above the plane of another one by more than this share of its size is not convex.
+   Boxes of triangles in the plane do not rise so far, with all rounding errors of single precision. */
+#define CONVEX (16.0 * ROUNDED)
+/* A triangle has no accurate plane if twice its area is below this share of its longest squared edge. */
+#define NO_PLANE 1e-7
 
 /* The closest point of one triangle: squared distance [m^2], weights u of corner b and w of corner c, the triangle's
    row. */
@@ -242,4 +254,121 @@ static double leaves_plane(void *state, const double *row) {
 int dermis_only_plane(const dermis_tree *tree, const double *x, double radius, const double *plane) {
     flat_ball ball = {x, plane, radius * radius, 0};
     return walk(tree, x, ball.square, NULL, leaves_plane, &ball) && !ball.leaves;
+}
+
+/* A triangle's plane, and the height above it of the highest triangle near it [m]. */
+typedef struct {
+    double plane[4], square, height;
+} skyline;
+
+static double rise_of(void *state, const double *row) {
+    skyline *of = state;
+    double at = dermis_dot(row, of->plane) - of->plane[3];
+    of->height = dermis_most(of->height, dermis_most(at, dermis_most(at + dermis_dot(row + AB, of->plane), at + dermis_dot(row + AC, of->plane))));
+    return of->square;
+}
+
+static double stop(void *state, const double *row) {
+    (void)row;
+    *(int *)state = 1;
+    return -1.0;
+}
+
+/* Compute the unit normal of a triangle, and return twice its area [m^2]. */
+static double twice_area(const double *row, double *normal) {
+    dermis_cross(row + AB, row + AC, normal);
+    double length = dermis_root(dermis_dot(normal, normal));
+    for (int k = 0; k < 3; k++) normal[k] /= length;
+    return length;
+}
+
+double dermis_bulge(const dermis_tree *tree) {
+    const double *bounds = tree->bounds;
+    double most = 0.0, high = CONVEX * (tree->scale + tree->largest), near = 2.0 * dermis_root(FARTHEST_WALK * high);
+    if (tree->packed == NULL) return __builtin_inf();
+    for (int64_t i = 0; i < tree->count; i++) {
+        const double *row = tree->packed + i * DERMIS_ROW;
+        int64_t j = (int64_t)row[NUMBER];
+        double centre[3], radius = bounds[6 * tree->total + j] + near;
+        skyline of = {.square = radius * radius, .height = 0.0};
+        int rises_far = 0;
+        for (int k = 0; k < 3; k++) centre[k] = bounds[k * tree->total + j];
+        if (!(twice_area(row, of.plane) > NO_PLANE * dermis_most(row[AB_AB], dermis_most(row[AC_AC], row[BC_BC])))) return __builtin_inf();
+        of.plane[3] = dermis_dot(row, of.plane) + high;
+        dermis_visit(tree, centre, __builtin_inf(), of.plane, stop, &rises_far);
+        if (rises_far) return __builtin_inf();
+        of.plane[3] -= high;
+        dermis_visit(tree, centre, radius, of.plane, rise_of, &of);
+        most = dermis_most(most, of.height);
+    }
+    return most + 64.0 * DBL_EPSILON * tree->largest;
+}
+
+/* Measure the triangle in a slot. */
+static hit measured(const dermis_tree *tree, const double *x, int64_t slot) {
+    hit found = {.row = tree->packed + slot * DERMIS_ROW};
+    found.square = dermis_on_triangle(found.row, x, &found.u, &found.w);
+    return found;
+}
+
+/* Whether the closest point of a triangle is farther than a margin from its edges, except edge `but` (-1: none).
+
+   area: twice that of the triangle [m^2]. square: of the margin [m^2]. */
+static int clear(const hit *of, double area, int but, double square) {
+    const double *row = of->row;
+    double weights[3] = {1.0 - of->u - of->w, of->u, of->w}; /* of the corners opposite to edges 1, 2 and 0 */
+    double lengths[3] = {row[BC_BC], row[AC_AC], row[AB_AB]};
+    for (int i = 0; i < 3; i++)
+        if ((i + 1) % 3 != but && !(weights[i] > 0.0 && weights[i] * weights[i] * area * area > square * lengths[i])) return 0;
+    return 1;
+}
+
+/* Whether no triangle is as close as the one that a walk has found, and for an edge its neighbour; see `dermis_bulge`.
+
+   A point of another triangle at a distance s from the closest point is above its plane by at most the bulge b. Its
+   squared distance is therefore at least d^2 + s^2 - 2 b d. Beside an edge, b is multiplied by a + c, where the direction
+   to x is a times the one normal plus c times the other. edge: of `found` on which the closest point lies, -1 for none. */
+static int only(const hit *found, const hit *next, int edge, int edge_of_next, double bulge, const double *x) {
+    double distance = dermis_root(found->square), times = 1.0, facing[2][3], area[2] = {twice_area(found->row, facing[0]), 0.0}, v[3];
+    for (int k = 0; k < 3; k++) v[k] = x[k] - found->row[k];
+    if (!(dermis_dot(v, facing[0]) > 0.0)) return 0;
+    if (edge >= 0) {
+        area[1] = twice_area(next->row, facing[1]);
+        times = 2.0 / dermis_most(1.0 + dermis_dot(facing[0], facing[1]), 1e-6);
+        for (int k = 0; k < 3; k++) v[k] = x[k] - next->row[k];
+        if (!(dermis_dot(v, facing[1]) > 0.0)) return 0;
+    }
+    double square = 4.0 * (times * bulge * distance + TIE * found->square);
+    return times * distance <= FARTHEST_WALK && clear(found, area[0], edge, square) && (edge < 0 || clear(next, area[1], edge_of_next, square));
+}
+
+int dermis_walk_to_closest(const dermis_tree *tree, const int64_t *beside, double bulge, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
+    hit found = measured(tree, x, *slot);
+    for (int step = 0; step < STEPS; step++) {
+        double weights[3] = {dermis_most(1.0 - found.u - found.w, 0.0), found.u, found.w};
+        int feature = feature_of(weights), first = feature < 4 ? feature - 1 : feature - 4, other = feature < 4 ? first : (first + 2) % 3;
+        if (feature == 0) {
+            if (!only(&found, NULL, -1, -1, bulge, x)) return -1;
+            return found.square <= limit * limit ? answer(&found, *slot, out) : 0;
+        }
+        int64_t next = beside[3 * *slot + first], beyond = beside[3 * *slot + other];
+        if (next < 0 || beyond < 0) return -1;
+        hit over = measured(tree, x, next);
+        if (other != first) {
+            hit second = measured(tree, x, beyond);
+            if (second.square < over.square) over = second, next = beyond;
+        }
+        if (over.square * (1.0 + TIE) < found.square) {
+            found = over, *slot = next;
+            continue;
+        }
+        if (feature >= 4 || over.square > found.square * (1.0 + TIE)) return -1;
+        int back = 0;
+        while (back < 3 && beside[3 * next + back] != *slot) back++;
+        if (back == 3 || !only(&found, &over, first, back, bulge, x)) return -1;
+        if (dermis_least(found.square, over.square) > limit * limit) return 0;
+        if (over.row[NUMBER] < found.row[NUMBER]) found = over, *slot = next;
+        return answer(&found, *slot, out);
+    }
+    return -1;
 }

@@ -122,11 +122,20 @@ int dermis_beyond(const dermis_body *body, const double *x, double limit) {
     return square > limit * limit;
 }
 
+/* Find the closest triangle; see `dermis_find_closest`. */
+static int find(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_closest_point *out) {
+    if (body->beside != NULL && body->bulge <= DBL_MAX && !body->by_rays && hint >= 0 && hint < body->tree->count) {
+        int found = dermis_walk_to_closest(body->tree, body->beside, body->bulge, x, limit, &hint, out);
+        if (found >= 0) return found;
+    }
+    return dermis_find_closest(body->tree, x, limit, hint, out);
+}
+
 /* Measure the signed distance to the first solid of a body only. */
 static void one(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out) {
     dermis_closest_point found;
     int away = dermis_beyond(body, x, limit);
-    if (!away && dermis_find_closest(body->tree, x, limit, hint, &found)) {
+    if (!away && find(body, x, limit, hint, &found)) {
         measure(body, x, &found, out);
         return;
     }
@@ -250,5 +259,14 @@ DERMIS_NOINLINE static int32_t distances(dermis_query *query) {
     return status;
 }
 
+DERMIS_NOINLINE static int32_t find_bulge(dermis_body *body) {
+    if (body->beside == NULL) return DERMIS_BAD_RECORD;
+    for (int64_t i = 0; i < 3 * body->tree->count; i++)
+        if (body->beside[i] < -1 || body->beside[i] >= body->tree->count) return DERMIS_BAD_RECORD;
+    body->bulge = dermis_bulge(body->tree);
+    return DERMIS_DONE;
+}
+
 DERMIS_FUNCTION(dermis_body_fit, dermis_body, dermis_sound_body, fit)
+DERMIS_FUNCTION(dermis_body_bulge, dermis_body, dermis_sound_body, find_bulge)
 DERMIS_FUNCTION(dermis_distances, dermis_query, sound, distances)

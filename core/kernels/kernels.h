@@ -89,6 +89,10 @@ typedef struct dermis_body {
                                    the first three slabs are the body's box */
     double *normals;            /* pseudonormals of the vertices (vertices, 3); null: they are summed when they are
                                    needed */
+    const int64_t *beside;      /* slot of the neighbour at each edge of the triangle in each slot, -1 for none (count, 3);
+                                   null: the tree alone finds the closest triangle */
+    double bulge;               /* out: height of a triangle above the plane of another one near it, at most; infinite
+                                   if the body is not convex [m] */
 } dermis_body;
 
 /* Kinds of edges. REGULAR: two faces that agree about the outside. BOUNDARY: one face. IRREGULAR: all others. A vertex
@@ -609,6 +613,9 @@ DERMIS_API int32_t dermis_tree_fit(dermis_tree *tree);
 
 /* Check the indices of a body, and compute `normals` unless it is null. */
 DERMIS_API int32_t dermis_body_fit(dermis_body *body);
+
+/* Compute the `bulge` of a body that `dermis_body_fit` has checked, from `beside`. */
+DERMIS_API int32_t dermis_body_bulge(dermis_body *body);
 
 /* Set `by_rays` of a closed body that `dermis_body_fit` has checked.
 

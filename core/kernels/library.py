@@ -54,7 +54,11 @@ class Kernels:
                 function.argtypes, function.restype = (ctypes.c_void_p,), ctypes.c_int32
                 function.errcheck = self._checked
             self.split, self.fit = library.dermis_tree_split, library.dermis_tree_fit
-            self.fit_body, self.judge = library.dermis_body_fit, library.dermis_body_judge
+            self.fit_body, self.find_bulge, self.judge = (
+                library.dermis_body_fit,
+                library.dermis_body_bulge,
+                library.dermis_body_judge,
+            )
             self.distances = library.dermis_distances
             self.sweep, self.sum = library.dermis_sweep, library.dermis_sum
             self.touch = library.dermis_touch_points

@@ -60,18 +60,22 @@ static void corners_of(const dermis_survey *s, int64_t cell, double share, doubl
     }
 }
 
-/* Look down at four test points, given relative to the cell's centre (4, 3) [m]. */
-static void look_about(const dermis_survey *s, int64_t cell, const double *corners, dermis_sight hint, footprint *out) {
+/* Look down at four test points, given relative to the cell's centre (4, 3) [m].
+
+   middle: what is closest to the centre. hints: what was closest to the test points of the cell before (4). */
+static void look_about(const dermis_survey *s, int64_t cell, const double *corners, dermis_sight middle, dermis_sight *hints, footprint *out) {
     double inward[3];
     for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
-    double steep = dermis_most(dermis_dot(inward, hint.normal), s->steep);
+    double steep = dermis_most(dermis_dot(inward, middle.normal), s->steep);
     for (int corner = 0; corner < 4; corner++) {
         double x[3];
         for (int k = 0; k < 3; k++) x[k] = s->positions[3 * cell + k] + corners[3 * corner + k];
         /* the face below the centre is met here, unless it turns */
-        double up = dermis_most((-out->middle - dermis_dot(corners + 3 * corner, hint.normal)) / steep, 0.0);
-        dermis_sight sight = descend(s, x, inward, dermis_least(up, s->above), s->limit, hint, &out->gap[corner]);
-        for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = sight.normal[k];
+        double up = dermis_most((-out->middle - dermis_dot(corners + 3 * corner, middle.normal)) / steep, 0.0);
+        dermis_sight *sight = hints + corner;
+        if (sight->body < 0) *sight = middle;
+        *sight = descend(s, x, inward, dermis_least(up, s->above), s->limit, *sight, &out->gap[corner]);
+        for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = sight->normal[k];
     }
 }
 
@@ -171,7 +175,7 @@ static int edges_near(const dermis_survey *s, const double *at, const double *in
 
    The first four test points show whether the body is curved at the cell itself. The second four are farther out: they
    show edges beside the cell. */
-static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, const dermis_sight *middle, double height) {
+static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, const dermis_sight *middle, dermis_sight *hints, double height) {
     const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
     footprint of = {.middle = height, .steps = s->posed[middle->body].body != NULL};
     double nearest = height, corners[24];
@@ -180,14 +184,14 @@ static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, co
     corners_of(s, cell, 0.5, s->beyond, corners + 12);
     if (!s->thorough && flat(s, cell, at, corners, 8, middle)) return 0;
     for (int k = 0; k < 3; k++) of.normal[0][k] = middle->normal[k];
-    look_about(s, cell, corners, *middle, &of);
+    look_about(s, cell, corners, *middle, hints, &of);
     for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of.gap[corner]);
     if (nearest >= s->limits[cell]) return 0;
     int64_t way = apart(&of) > s->turned || bent(s, &of, corners) > s->bent ? leaning_of(s, cell, &of, corners) : 0;
     double inward[3];
     for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
     if (!edges_near(s, at, inward, corners, 8, middle)) return some[way];
-    look_about(s, cell, corners + 12, *middle, &of);
+    look_about(s, cell, corners + 12, *middle, hints + 4, &of);
     if (apart(&of) > s->edge) way |= leaning_of(s, cell, &of, corners + 12);
     return some[way];
 }
@@ -209,7 +213,8 @@ static int walk(dermis_survey *s, int64_t many) {
     for (int64_t i = 0; i < count; i++) cells[i] = i;
     while (count) {
         int64_t after = 0;
-        dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1};
+        dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1}, hints[8];
+        for (int i = 0; i < 8; i++) hints[i] = sight;
         for (int64_t i = 0; i < count; i++) {
             int64_t cell = cells[i], way = 0;
             double x[3], inward[3], height;
@@ -218,7 +223,7 @@ static int walk(dermis_survey *s, int64_t many) {
             if (sight.body < 0) continue;
             const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
             if ((some[1] || some[2] || some[3]) && height < s->limits[cell] + s->beside * s->longs[cell])
-                way = way_of(s, cell, x, &sight, height);
+                way = way_of(s, cell, x, &sight, hints, height);
             if (!way) {
                 if (height >= s->limits[cell]) continue;
                 if (s->found >= many) return 0;

@@ -478,7 +478,10 @@ DERMIS_NOINLINE static int32_t touch(dermis_touch *t) {
     for (int64_t i = 0; i < n && t->looked; i++)
         if (t->body[i] < -1 || t->body[i] >= t->bodies) return DERMIS_BAD_RECORD;
     t->sweeps = t->looks = 0;
-    for (int64_t i = 0; i < n && !t->looked; i++) look(t, views + i, i, 0);
+    for (int64_t i = 0; i < n && !t->looked; i++) {
+        if (i > 0 && t->body[i] < 0) t->body[i] = t->body[i - 1], t->slots[LOOKS * i + 8] = t->slots[LOOKS * (i - 1) + 8]; /* hints */
+        look(t, views + i, i, 0);
+    }
     if (t->compliance != NULL) solve(t, views);
     return DERMIS_DONE;
 }

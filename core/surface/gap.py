@@ -52,6 +52,9 @@ FEW = 16
 # queried points exceeds PAYS times the number of triangles of a closed surface, all its triangles are tested; if the
 # surface is not `tangled`, no more rays are cast. This changes the run time only.
 PAYS = 1 / 6
+# Once kernels have taken a surface this often, its convexity is found out. That takes as long as a few frames of
+# contact, so a shape that lasts for one frame is left alone. This changes the run time only.
+OFTEN = 8
 # A surface of more solids than this is measured as a whole, because measuring every solid would take longer than a ray.
 MOST_SOLIDS = 64
 # Sizes that come of a wrong unit rather than of things that fingers touch [m]. A thing of 20 mm is LARGE where its
@@ -77,6 +80,7 @@ class Surface:
     """
 
     _asked = 0  # number of points measured so far
+    _taken = 0  # how often kernels have taken the surface
 
     def __init__(self, vertices: Array, triangles: NDArray[np.int64], topology: Topology) -> None:
         self.vertices = vertices
@@ -390,7 +394,9 @@ class Surface:
     @property
     def kernel_body(self) -> KernelBody:
         """The surface as a record for the kernels, for any number of points."""
-        body = self._body
+        body, self._taken = self._body, self._taken + 1
+        if self._taken == OFTEN:
+            body.find_convexity()
         if body.by_rays and not self.solids:
             body.by_rays = self.tangled
         return body

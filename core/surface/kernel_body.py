@@ -18,6 +18,9 @@ from .gap_query import GapQuery
 from .topology import Topology
 from .triangle_tree import TriangleTree
 
+# Convexity is found out for at most this many triangles: it takes 3 us for each.
+MOST = 20_000
+
 
 class KernelBody:
     """Surface in a record for the kernels.
@@ -75,6 +78,28 @@ class KernelBody:
     @by_rays.setter
     def by_rays(self, value: bool) -> None:
         self.record.by_rays = value
+
+    def find_convexity(self) -> None:
+        """Find out whether the body is convex, so that its closest triangle is found without the tree.
+
+        It changes the run time only. It takes as long as some ten thousand points do.
+        """
+        tree, topology = self._tree, self._given[2]
+        if (
+            tree.record.packed
+            and len(tree.order) <= MOST
+            and not topology.weld
+            and not np.ptp(topology.parts[tree.order])
+        ):
+            beside = tree.neighbours(topology)
+            own = records.BodyRecord.from_buffer_copy(self.record)
+            own.beside = address(beside)
+            tree.done(self._kernels.find_bulge(byref(own)), -1)
+            if np.isfinite(own.bulge):
+                self._arrays.append(beside)
+                self.record.bulge, self.record.beside = own.bulge, own.beside
+        if self._other is not None:
+            self._other.find_convexity()
 
     def tangled(self, parts: Indices) -> bool:
         """Return whether rays must determine sides.

@@ -48,6 +48,7 @@ class TriangleTree:
         record.rows, record.bounds = address(table.rows), address(table.bounds)
         if table.slivers is not None:
             record.slivers = address(table.slivers)
+        self.order = order
         self._arrays = [table.rows, table.bounds, table.slivers, order]  # the record has pointers to them
         if topology is None:
             record.largest = np.abs(table.rows[0:3]).max() + np.abs(table.rows[3:9]).max()
@@ -59,7 +60,7 @@ class TriangleTree:
         if order is usable:
             order = usable.copy()
             record.order = address(order)
-            self._arrays.append(order)
+            self.order = order
             self.done(self._kernels.split(byref(record)), record.wrong)
             if among is None:
                 _ORDERS[topology] = np.searchsorted(usable, order)
@@ -67,6 +68,12 @@ class TriangleTree:
 
     def __reduce__(self) -> tuple[object, ...]:
         return type(self), (self._table, self._topology, self._among)  # records hold addresses: a copy makes its own
+
+    def neighbours(self, topology: Topology) -> Indices:
+        """Return the slot of the triangle across each edge of that in each slot, shape (count, 3); -1 for none."""
+        slots = np.full(self.record.total + 1, -1)  # the last one is for edges without a neighbour
+        slots[self.order] = np.arange(len(self.order))
+        return slots[topology.across[self.order]]
 
     def done(self, status: int, triangle: int) -> None:
         """Raise an error if a kernel has found a number that is not finite.

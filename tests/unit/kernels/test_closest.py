@@ -341,3 +341,104 @@ def test_calls_leave_what_they_are_given(tmp_path: Path) -> None:
     assert isinstance(arrays, Arrays) and not any(arrays.call(opened(library.kernels().path)))
     for one, other in zip(before, (arrays.points, arrays.table.rows, arrays.table.bounds), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def rounded_wedge(facets: int) -> Surface:
+    """Return the upper side of a wedge along X, an open sheet, whose edge is rounded by so many facets."""
+    angle = np.linspace(-np.pi / 4, np.pi / 4, facets + 1)
+    profile = 0.5e-3 * np.stack([np.sin(angle), np.cos(angle) - 1.0], axis=1)
+    legs = 15e-3 * np.array([[-1.0, -1.0], [1.0, -1.0]])
+    profile = np.concatenate([profile[:1] + legs[:1], profile, profile[-1:] + legs[1:]])
+    count = len(profile)
+    vertices = np.concatenate([np.column_stack([np.full(count, x), profile]) for x in (-20e-3, 20e-3)])
+    k = np.arange(count - 1)
+    return Surface.build(
+        vertices, np.concatenate([np.stack([k, k + count, k + 1], 1), np.stack([k + 1, k + count, k + count + 1], 1)])
+    )
+
+
+def cut_block(cells: int) -> Surface:
+    """Return a block whose faces are grids of so many squares a side."""
+    side, corners = np.linspace(-10e-3, 10e-3, cells + 1), []
+    for axis in range(3):
+        for end in (0, cells):
+            for i, j in np.ndindex(cells, cells):
+                square = [
+                    np.insert([side[i + a], side[j + b]], axis, side[end]) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))
+                ]
+                square = square if (end > 0) == (axis != 1) else square[::-1]
+                corners += [[square[0], square[1], square[2]], [square[0], square[2], square[3]]]
+    points = np.array(corners).reshape(-1, 3)
+    vertices, index = np.unique(points, axis=0, return_inverse=True)
+    return Surface.build(vertices, index.reshape(-1, 3))
+
+
+CONVEX = {
+    "ball": lambda: Surface.sphere(5e-3, 1280),
+    "block": Surface.block,
+    "edge": Surface.edge,
+    "cut block": lambda: cut_block(6),
+    "open sheet": lambda: rounded_wedge(12),
+}
+
+
+def placed(surface: Surface, noise: float, seed: int) -> Surface:
+    """Return a surface turned and moved, its vertices in single precision and off by a noise [m]."""
+    rng = np.random.default_rng(seed)
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    turn *= np.linalg.det(turn)
+    vertices = surface.vertices @ turn.T + rng.normal(0.0, 20e-3, 3) + rng.normal(0.0, noise, surface.vertices.shape)
+    return Surface.build(vertices.astype(np.float32).astype(np.float64), surface.triangles)
+
+
+def about(surface: Surface, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Return points above, in, on and below faces, edges and corners, one after the other along the surface."""
+    weights = rng.dirichlet(np.ones(3), count)
+    weights[::3, 0] = 0.0
+    weights[1::9] = np.eye(3)[rng.integers(0, 3, len(weights[1::9]))]
+    weights /= weights.sum(axis=1, keepdims=True)
+    on = (
+        weights[:, :, None] * surface.vertices[surface.triangles[rng.integers(0, len(surface.triangles), count)]]
+    ).sum(axis=1)
+    away = rng.normal(size=(count, 3))
+    away *= (10.0 ** rng.uniform(-9.0, -2.0, count) / np.linalg.norm(away, axis=1))[:, None]
+    points = np.asarray(on + away)
+    points[::5] = on[::5]
+    return points[np.argsort(points @ [1.0, 0.3, 0.1])]
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-12, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5])
+@pytest.mark.parametrize("shape", CONVEX)
+def test_a_walk_on_a_convex_body_finds_what_the_tree_finds(shape: str, noise: float) -> None:
+    """The same triangle and the same bytes, however much the body is not quite convex."""
+    surface = placed(CONVEX[shape](), noise, len(shape)) if noise else CONVEX[shape]()
+    body = surface.kernel_body
+    points = about(surface, 4000, np.random.default_rng(3))
+    for limit in (np.inf, 0.5e-3):
+        by_tree = body.query(points, limit)
+        body.find_convexity()
+        if not noise:
+            assert body.record.beside
+        by_walk = body.query(points, limit)
+        for name in ("gap", "triangle", "normal", "point", "weights"):
+            np.testing.assert_array_equal(getattr(by_walk, name), getattr(by_tree, name))
+        body.record.beside = None
+
+
+def test_bodies_that_are_not_convex_are_left_to_the_tree() -> None:
+    ball = Surface.sphere(5e-3, 1280)
+    dented = ball.vertices.copy()
+    dented[0] *= 0.99
+    apart = np.concatenate([ball.vertices, ball.vertices + [11e-3, 0.0, 0.0]])
+    two = np.concatenate([ball.triangles, ball.triangles + len(ball.vertices)])
+    for vertices, triangles in ((dented, ball.triangles), (ball.vertices, ball.triangles[:, ::-1]), (apart, two)):
+        body = Surface.build(vertices, triangles).kernel_body
+        body.find_convexity()
+        assert not body.record.beside
+
+
+def test_a_surface_that_kernels_take_often_is_walked_on() -> None:
+    """One that they take for a frame alone is not looked at, since that would take longer than it saves."""
+    surface = Surface.sphere(5e-3, 1280)
+    taken = [bool(surface.kernel_body.record.beside) for _ in range(20)]
+    assert not taken[0] and taken[-1]

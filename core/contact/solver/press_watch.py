@@ -9,11 +9,10 @@ round the object's far side. The object then draws it out of the finger, where a
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import Array, Indices
+from ...arrays import Array
 from ...surface.gap import Surface
 from .bodies import TIE, ContactBody, NodeGaps, boxes_meet, moved, paired
 from .cone import along
@@ -24,23 +23,6 @@ from .posed_records import corners_about
 # the skin's modulus [m^2]. The latter is 1 mN for skin of 100 kPa.
 LOST, LEAST = 0.02, 1e-8
 MODULUS = 1e5  # default Young's modulus, that of the preset fingers [Pa]
-
-
-class _Held(NamedTuple):
-    """Points that carried force last.
-
-    Attributes:
-        points: their undeformed positions [m], shape (m, 3).
-        body: index of the body at each point, shape (m,).
-        push: normal force of the body on each point [N], shape (m, 3).
-    """
-
-    points: Array
-    body: Indices
-    push: Array
-
-
-_NOTHING = _Held(np.empty((0, 3)), np.empty(0, dtype=np.intp), np.empty((0, 3)))
 
 
 class PressWatch:
@@ -56,38 +38,32 @@ class PressWatch:
     def __init__(self, modulus: float = MODULUS) -> None:
         self.most = 0.0
         self._least = LEAST * modulus
-        self._held = _NOTHING
+        self._last: PathStep | None = None  # the last frame with forces
 
     def forget(self) -> None:
         """Reset; the next contact does not continue an earlier one."""
-        self.most, self._held = 0.0, _NOTHING
+        self.most, self._last = 0.0, None
 
-    def save(self) -> tuple[float, _Held]:
+    def save(self) -> tuple[float, PathStep | None]:
         """Return the state between two frames, for `restore`."""
-        return self.most, self._held
+        return self.most, self._last
 
-    def restore(self, state: tuple[float, _Held]) -> None:
+    def restore(self, state: tuple[float, PathStep | None]) -> None:
         """Go back to a saved state."""
-        self.most, self._held = state
+        self.most, self._last = state
 
-    def lost(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> float:
+    def lost(self, came: Sequence[ContactBody], step: PathStep) -> float:
         """Return the share of the force that was lost although all bodies press deeper; zero if it is tolerated.
 
         Args:
             came: bodies at the begin of the frame; for a first touch, at the instant of contact.
             step: result of the frame.
-            points: points of the undeformed skin [m], shape (m, 3).
         """
-        pushed, loaded, before = float(step.solution.force[:, 2].sum()), step.solution.loaded.nonzero()[0], self._held
-        if len(loaded):
-            assert step.gaps is not None
-            normals = step.solution.normals.take(loaded, axis=0)
-            push = along(step.solution.force.take(loaded, axis=0), normals)[:, None] * normals
-            self._held = _Held(points.take(loaded, axis=0), step.gaps.body.take(loaded), push)
+        pushed, before = float(step.solution.force[:, 2].sum()), self._last
+        if step.solution.loaded.any():
+            self._last = step
         # A body that slipped off is still compared at the points at which it pressed last.
-        if pushed >= self.most or not all(
-            _deeper(came, step.gaps, *held) for held in (before, self._held) if held.body.size
-        ):
+        if pushed >= self.most or not all(_deeper(came, step.gaps, held) for held in (before, self._last) if held):
             self.most = pushed
         missing = self.most - pushed
         if self.most <= 0.0:  # the finger is pushed towards its nail, and there is no share of nothing
@@ -107,8 +83,8 @@ class PressWatch:
         solution, gaps = step.solution, step.gaps
         if gaps is None:
             return ()
-        loaded = solution.loaded & (gaps.body >= 0)
-        rise = along(solution.normals[loaded], inward[loaded])
+        loaded = (solution.loaded & (gaps.body >= 0)).nonzero()[0]
+        rise = along(solution.normals.take(loaded, axis=0), inward.take(loaded, axis=0))
         if not (rise < 0.0).any():
             return ()
         push = np.bincount(gaps.body[loaded], solution.normal_force[loaded] * rise, len(gaps.bodies))
@@ -135,27 +111,28 @@ def _meet(one: ContactBody, other: ContactBody) -> bool:
     return boxes_meet(one.local(corners)[0], one.surface.box, TIE)
 
 
-def _deeper(
-    came: Sequence[ContactBody], gaps: NodeGaps | None, points: Array, which: Indices, push: Array | None = None
-) -> bool:
+def _deeper(came: Sequence[ContactBody], gaps: NodeGaps | None, held: PathStep) -> bool:
     """Return whether all touching bodies moved towards the nail, and less to the side.
+
+    A body does not count if it moves against the direction in which it pushes up and sideways, because its flank then
+    lifts off.
 
     Args:
         came: bodies at the begin of the frame.
         gaps: gaps at its end.
-        points: touched points of the skin [m], shape (m, 3).
-        which: index of the body at each point, shape (m,).
-        push: normal forces on the points [N], shape (m, 3). With them, a body does not count if it moves against the
-            direction in which it pushes up and sideways, because its flank then lifts off.
+        held: a frame with forces; the bodies' movement is compared where they pressed then.
     """
-    if gaps is None or which.size == 0 or any(a.away != b.away for a, b in paired(came, gaps.bodies)):
+    if gaps is None or held.gaps is None or any(a.away != b.away for a, b in paired(came, gaps.bodies)):
         return False
+    loaded, normals = held.solution.loaded.nonzero()[0], held.solution.normals
+    which, push = held.gaps.body.take(loaded), held.solution.normal_force[:, None] * normals
     for index in sorted(set(which.tolist())):
         if index >= min(len(came), len(gaps.bodies)) or came[index].surface is not gaps.bodies[index].surface:
             return False
-        way = moved(came[index], gaps.bodies[index], points[which == index])
+        own = loaded[which == index]
+        way = moved(came[index], gaps.bodies[index], held.points[own])
         if not ((way[:, 2] > 0.0) & (np.hypot(way[:, 0], way[:, 1]) <= way[:, 2])).all():
             return False
-        if push is not None and float((push[which == index] * way).sum()) < 0.0 < float(push[which == index, 2].sum()):
+        if float((push[own] * way).sum()) < 0.0 < float(push[own, 2].sum()):
             return False
     return True

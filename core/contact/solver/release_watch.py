@@ -9,11 +9,10 @@ before, so on how often the path is sampled.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from ...arrays import Array, Indices
+from ...arrays import Array
 from .bodies import ContactBody, moved
 from .cone import along
 from .path_step import PathStep
@@ -24,46 +23,26 @@ from .path_step import PathStep
 OWN, SEEN = 2.0, 0.04
 
 
-class _Drawn(NamedTuple):
-    """Skin that carried force in a frame.
-
-    Attributes:
-        points: points of the undeformed skin [m], shape (m, 3). body: index of the body at each point, shape (m,).
-        loaded: indices of the points that carried force, shape (n,).
-        forces: on these points [N], shape (n, 3).
-        way: mean displacement of these points, weighted by the forces [m], shape (3,).
-        force: sum of the forces [N], shape (3,).
-        most: largest size of that sum in this touch so far [N].
-    """
-
-    points: Array
-    body: Indices
-    loaded: Indices
-    forces: Array
-    way: Array
-    force: Array
-    most: float
-
-
 class ReleaseWatch:
     """Monitor of the skin's own movement from frame to frame."""
 
     def __init__(self) -> None:
-        self._drawn: _Drawn | None = None
+        # the last frame, and the largest force of the touch so far [N]; None without force
+        self._last: tuple[PathStep, float] | None = None
 
     def forget(self) -> None:
         """Reset; the next contact does not continue an earlier one."""
-        self._drawn = None
+        self._last = None
 
-    def save(self) -> _Drawn | None:
+    def save(self) -> tuple[PathStep, float] | None:
         """Return the state between two frames, for `restore`."""
-        return self._drawn
+        return self._last
 
-    def restore(self, state: _Drawn | None) -> None:
+    def restore(self, state: tuple[PathStep, float] | None) -> None:
         """Go back to a saved state."""
-        self._drawn = state
+        self._last = state
 
-    def released(self, came: Sequence[ContactBody], step: PathStep, points: Array) -> float:
+    def released(self, came: Sequence[ContactBody], step: PathStep) -> float:
         """Return the change of the force in a frame in which skin let go, over the largest force; zero in others.
 
         Skin that an object leaves, and which it does no more work on, is not told.
@@ -71,46 +50,43 @@ class ReleaseWatch:
         Args:
             came: bodies at the begin of the frame.
             step: result of the frame.
-            points: points of the undeformed skin [m], shape (m, 3).
         """
-        before, now = self._drawn, _drawn(step, points)
-        size = 0.0 if now is None else float(np.sqrt(now.force @ now.force))
-        self._drawn = None if now is None else now._replace(most=max(size, before.most if before else 0.0))
-        if before is None or not before.most > 0.0:  # there is no share of nothing
+        last, force = self._last, step.solution.force.sum(axis=0)
+        size, most = float(np.sqrt(force @ force)), 0.0 if last is None else last[1]
+        most = max(size, most)
+        self._last = None if step.gaps is None or not step.solution.loaded.any() else (step, most)
+        if last is None or not last[1] > 0.0:  # there is no share of nothing
             return 0.0
-        change = before.force if now is None else now.force - before.force
-        share = float(np.sqrt(change @ change)) / max(size, before.most)
+        change = force - last[0].solution.force.sum(axis=0)
+        share = float(np.sqrt(change @ change)) / most
         if share <= SEEN:
             return 0.0
-        went = before.way if now is None else now.way - before.way
-        far, work = _way(came, step, before)
+        went = _mean_way(last[0]) - (0.0 if self._last is None else _mean_way(step))
+        far, work = _driven(came, step, last[0])
         return share if work >= 0.0 and np.sqrt(went @ went) > OWN * far else 0.0
 
 
-def _drawn(step: PathStep, points: Array) -> _Drawn | None:
-    """Return the skin that carries force after a frame; None if none does."""
-    loaded = step.solution.loaded.nonzero()[0]
-    if step.gaps is None or not len(loaded):
-        return None
-    force = step.solution.force.take(loaded, axis=0)
-    size = np.sqrt(along(force, force))
-    way = size @ step.displacement.take(loaded, axis=0) / size.sum()
-    return _Drawn(points, step.gaps.body, loaded, force, way, force.sum(axis=0), 0.0)
+def _mean_way(step: PathStep) -> Array:
+    """Return the mean displacement of the loaded skin, weighted by the forces [m], shape (3,)."""
+    size = np.sqrt(along(step.solution.force, step.solution.force))
+    return np.asarray(size @ step.displacement / size.sum())
 
 
-def _way(came: Sequence[ContactBody], step: PathStep, drawn: _Drawn) -> tuple[float, float]:
+def _driven(came: Sequence[ContactBody], step: PathStep, last: PathStep) -> tuple[float, float]:
     """Return how far the bodies that pressed moved in the frame at most [m], and their work on the skin [J].
 
     The way is infinite where it is not known.
     """
-    far, work, body = 0.0, 0.0, drawn.body.take(drawn.loaded)
+    loaded, far, work = last.solution.loaded.nonzero()[0], 0.0, 0.0
+    assert last.gaps is not None
+    body, force = last.gaps.body.take(loaded), last.solution.force.take(loaded, axis=0)
     for index in set(body.tolist()):
         if step.gaps is None or index < 0 or index >= min(len(came), len(step.gaps.bodies)):
             return np.inf, 0.0
         a, b = came[index], step.gaps.bodies[index]
         if a.away or b.away or a.surface is not b.surface:
             return np.inf, 0.0
-        way = moved(a, b, drawn.points[drawn.loaded[body == index]])
+        way = moved(a, b, last.points[loaded[body == index]])
         far = max(far, float(np.sqrt((way * way).sum(axis=1)).max()))
-        work += float(np.vdot(way, drawn.forces[body == index]))
+        work += float(np.vdot(way, force[body == index]))
     return far, work

@@ -22,6 +22,7 @@ from .bodies import AWAY, TIE, ContactBody, NodeGaps, least_gaps, same_places, t
 from .near_surface import NearTriangles
 from .path_solver import PathSolver
 from .path_step import PathStep
+from .posed_records import corners_about
 from .press_watch import MODULUS, PressWatch
 from .release_watch import ReleaseWatch
 
@@ -50,6 +51,11 @@ VERTICES, IN_LINE = 64, 0.95
 THROUGH, UNFELT = "an object went through the finger", ", and is not felt until the finger is outside"
 PAST, ANEW = "the skin has slid past something small", ", and is pressed onto it anew: the force is unreliable"
 LESS = "Press no deeper than its radius, drag less far, or give it more friction"
+TOO_FAST = "contact moves too far in one frame: it is solved in coarser steps"
+SINKS = "a feature smaller than the contact resolution sinks into the skin: the force is unreliable"
+SINKS_LESS = "Press less deep, or give it more friction"
+LETS_GO = "the skin lets go of an object at once, sooner or later by how often its way is sampled"
+LETS_GO_LESS = "Press less deep, use less friction, or round the edge that the skin hangs on"
 
 
 class SubStepper:
@@ -70,6 +76,7 @@ class SubStepper:
         self._left: frozenset[int] = frozenset()  # bodies that are ignored until the finger is outside
         self._facing: dict[int, float] = {}  # signed volume of each closed body: positive if its normals point outwards
         self._press, self._release = PressWatch(modulus), ReleaseWatch()
+        self._box = corners_about(solver.pad)  # no point of the pad moves farther over a body than all of its corners
         self._number = 0.0  # of the frame, for findings
         self.coarse = self.cut = False
 
@@ -137,27 +144,17 @@ class SubStepper:
         step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
         step = self._through(step, bodies)
         step = self._slid_past(step, bodies)
-        lost = self._press.lost(start, step, self.solver.points)
+        lost, released = self._press.lost(start, step), self._release.released(start, step)
         if lost:
-            self.solver.notes.warn(
-                "slips-in",
-                "a feature smaller than the contact resolution sinks into the skin: the force is unreliable",
-                self._number,
-                value=f"{lost:.0%} less",
-                remedy="Press less deep, or give it more friction",
-            )
-        released = self._release.released(start, step, self.solver.points)
+            self._warn("slips-in", SINKS, SINKS_LESS, value=f"{lost:.0%} less")
         if released:
-            self.solver.notes.warn(
-                "lets-go",
-                "the skin lets go of an object at once, sooner or later by how often its way is sampled",
-                self._number,
-                value=f"{released:.0%} of the force",
-                remedy="Press less deep, use less friction, or round the edge that the skin hangs on",
-            )
+            self._warn("lets-go", LETS_GO, LETS_GO_LESS, value=f"{released:.0%} of the force")
         if touched and not self.solver.loaded.any():
             self.solver.reset()  # after skin has lifted off, the next touch has no history
         return step
+
+    def _warn(self, code: str, what: str, remedy: str, **details: str) -> None:
+        self.solver.notes.warn(code, what, self._number, remedy=remedy, **details)
 
     # -- the way -------------------------------------------------------------------------------------------------
 
@@ -170,14 +167,11 @@ class SubStepper:
             parts, self.cut = COARSE_PARTS, True
         last, fast = self.solver.gaps, parts > MAX_PARTS
         if fast:
-            self.solver.notes.warn(
-                "too-fast",
+            what, remedy = (
                 "contact moves too far in one frame: it is solved in coarser steps",
-                self._number,
-                value=f"{parts} steps",
-                limit=f"<= {MAX_PARTS}",
-                remedy="Sample more often, or move slower",
+                "Sample more often, or move slower",
             )
+            self._warn("too-fast", what, remedy, value=f"{parts} steps", limit=f"<= {MAX_PARTS}")
             parts = MAX_PARTS if last is None else FAST_PARTS
         if last is not None and -min(float(gaps.gap.min()), float(last.gap.min())) > self.solver.depth_limit:
             parts = min(parts, DEEP_PARTS)
@@ -264,12 +258,8 @@ class SubStepper:
             if far is not None:
                 start[index] = lowered(bodies[index], far)
             else:
-                self.solver.notes.warn(
-                    "starts-inside",
-                    "the finger starts inside an object, and its path into it is not known",
-                    self._number,
-                    remedy="Begin where the finger is outside",
-                )
+                what = "the finger starts inside an object, and its path into it is not known"
+                self._warn("starts-inside", what, "Begin where the finger is outside")
         return start
 
     def _arrived(
@@ -290,7 +280,8 @@ class SubStepper:
                 continue
             known = before() if start[i].away else start
             came = known[i] if known is not None and i < len(known) else AWAY
-            if travel(came, body, pad) > PRESSING and self._gap([body]) < -OUTSIDE <= self._gap([came]):
+            moves = travel(came, body, self._box) > PRESSING and travel(came, body, pad) > PRESSING
+            if moves and self._gap([body]) < -OUTSIDE <= self._gap([came]):
                 own, others = (
                     least_gaps(pad, some, OUTSIDE, self.solver.bone)
                     for some in ([body], [*bodies[:i], *bodies[i + 1 :]])
@@ -371,7 +362,7 @@ class SubStepper:
 
     def _leave(self, index: int, code: str, what: str, remedy: str) -> None:
         self._left |= {index}
-        self.solver.notes.warn(code, what + UNFELT, self._number, remedy=remedy)
+        self._warn(code, what + UNFELT, remedy)
 
     def _in_or_above(self, body: ContactBody) -> bool:
         some = self.solver.pad[:: max(len(self.solver.pad) // WAYS, 1)]
@@ -405,7 +396,7 @@ class SubStepper:
         if not over:
             return self._last(self._felt(bodies))
         what = "the skin hung on the rim of an object that slid under the finger, and is pressed onto it anew"
-        self.solver.notes.warn("over-a-rim", what, self._number, remedy="Raise the finger, or come from above")
+        self._warn("over-a-rim", what, "Raise the finger, or come from above")
         return self._anew(over, self._felt(bodies))
 
     def _slid_past(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
@@ -416,7 +407,7 @@ class SubStepper:
             step = self._anew(dict.fromkeys(over, max(over.values())), self._felt(bodies))
             pulling = self._press.pulling(step, self.solver.inward)
             if over.keys() - set(pulling):
-                self.solver.notes.warn("slides-past", PAST + ANEW, self._number, remedy=LESS)
+                self._warn("slides-past", PAST + ANEW, LESS)
         for index in pulling:
             self._leave(index, "passed-through", PAST, LESS)
         return self._last(self._felt(bodies)) if pulling else step

@@ -17,7 +17,7 @@ BLOCK = Surface.block()
 
 def lost(forces: list[float]) -> list[float]:
     """Return what is lost while a block rises by 0.1 mm a frame and pushes with some forces along Z [N]."""
-    watch, out, points = PressWatch(), [], np.zeros((1, 3))
+    watch, out = PressWatch(), []
     for k, force in enumerate(forces):
         came, now = (ContactBody(BLOCK, translation=np.array([0.0, 0.0, (k + i) * 1e-4])) for i in (0, 1))
         normal = np.array([[0.0, 0.0, np.sign(force)]])
@@ -27,8 +27,9 @@ def lost(forces: list[float]) -> list[float]:
             normal_force=np.array([abs(force)]),
             normals=normal,
         )
-        step: Any = SimpleNamespace(solution=solution, gaps=SimpleNamespace(body=np.array([0]), bodies=(now,)))
-        out.append(watch.lost([came], step, points))
+        gaps = SimpleNamespace(body=np.array([0]), bodies=(now,))
+        step: Any = SimpleNamespace(solution=solution, gaps=gaps, points=np.zeros((1, 3)))
+        out.append(watch.lost([came], step))
     return out
 
 

@@ -19,13 +19,14 @@ STEP = 1e-4  # that the block moves in a frame [m]
 
 def released(ways: list[float], forces: list[float]) -> list[float]:
     """Return what is told of skin that is drawn along [m] by a block, and of its force along X [N]; 0 for none."""
-    watch, out, points = ReleaseWatch(), [], np.zeros((1, 3))
+    watch, out = ReleaseWatch(), []
     for k, (way, force) in enumerate(zip(ways, forces, strict=True)):
         came, now = (ContactBody(BLOCK, translation=np.array([(k + i) * STEP, 0.0, 0.0])) for i in (0, 1))
         solution = SimpleNamespace(force=np.array([[force, 0.0, 1.0 if force else 0.0]]), loaded=np.array([force != 0]))
         gaps = SimpleNamespace(body=np.array([0]), bodies=(now,))
-        step: Any = SimpleNamespace(solution=solution, gaps=gaps, displacement=np.array([[way, 0.0, 0.0]]))
-        out.append(watch.released([came], step, points))
+        moved, points = np.array([[way, 0.0, 0.0]]), np.zeros((1, 3))
+        step: Any = SimpleNamespace(solution=solution, gaps=gaps, displacement=moved, points=points)
+        out.append(watch.released([came], step))
     return out
 
 

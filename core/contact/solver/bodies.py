@@ -190,18 +190,14 @@ def least_gaps(points: Array, bodies: Sequence[ContactBody], reach: float, bone:
     """
     least = np.full(len(points), np.inf)
     for body in bodies:
-        surface, (local,) = body.surface, body.local(points)
         if body.away:
             continue
-        if isinstance(surface, Surface):
-            # far away no tree is built, and no side is determined
-            if not surface.table.usable.any() or not boxes_meet(local, surface.box, reach):
-                continue
-            found = surface.query(local, reach)
-            if not surface.closed and surface.side_of(*body.local(bone)) < 0:
-                found = found.flipped()
-        else:
-            found = surface.query(local, reach)
+        surface, (local,) = body.surface, body.local(points)
+        if isinstance(surface, Surface) and not (surface.table.usable.any() and boxes_meet(local, surface.box, reach)):
+            continue  # far away no tree is built, and no side is determined
+        found = surface.query(local, reach)
+        if isinstance(surface, Surface) and not surface.closed and surface.side_of(*body.local(bone)) < 0:
+            found = found.flipped()
         np.minimum(least, found.gap, out=least)
     return least
 

@@ -97,13 +97,15 @@ def matter_moved(a: ContactBody, b: ContactBody, points: Array, triangle: Indice
         triangle: index of the triangle of `b` that is closest to each point, shape (n,).
 
     Returns:
-        The movement; None if the faces of the surface have changed.
+        The movement; None if the body was or is away, or the faces of its surface have changed.
     """
+    if a.away or b.away:
+        return None
     if a.surface is b.surface:
         return moved(a, b, points)
     if not reshaped(a, b):
         one, other = a.surface, b.surface
-        if a.away or b.away or not isinstance(one, Surface) or not isinstance(other, Surface):
+        if not isinstance(one, Surface) or not isinstance(other, Surface):
             return None
         if len(one.vertices) != len(other.vertices) or not cut_otherwise(one.triangles, other.triangles):
             return None

@@ -45,41 +45,39 @@ class GripSolver:
 
     Args:
         surface: surface of the object in its own space [m].
-        mass: mass [kg], which may change from frame to frame; 0 for an object without weight and inertia.
         fingers: fingers that may touch the object.
-        friction: Coulomb coefficient against skin.
         centre: centre of mass, in the object's own space [m], shape (3,).
         inertia: inertia tensor for a mass of 1 kg about the centre of mass, in the object's own space [m^2], shape (3,
             3).
         gravity: acceleration of gravity in world axes [m/s^2], shape (3,).
         name: name of the object, for findings.
 
+    Attributes:
+        mass: mass in the next frame [kg]; 0 for an object without weight and inertia.
+        friction, softness, deforms, carry: as in `ContactBody`, in the next frame.
+
     Raises:
-        DermisError: the mass is negative or not finite, or there is no finger.
+        DermisError: there is no finger.
     """
 
     def __init__(
         self,
         surface: Surface | Plane,
-        mass: float,
         fingers: Sequence[HoldingFinger],
-        friction: float,
         *,
         centre: Array,
         inertia: Array,
         gravity: Array,
         name: str,
     ) -> None:
-        if not (np.isfinite(mass) and mass >= 0.0):
-            raise DermisError("a held object needs a mass", where=name, value=mass, limit=">= 0 kg")
         if not fingers:
             raise DermisError("no contact can hold the object", where=name, remedy="Add a finger")
         self.centre, self.inertia, self.gravity = centre, inertia, gravity
-        self.surface, self.mass, self.friction, self.name = surface, mass, friction, name
+        self.surface = surface
         self.fingers = tuple(fingers)
         self._rho = WEIGHT * float(np.median(np.concatenate([np.diag(f.compliance) for f in fingers])))
-        self.softness, self.deforms = 0.0, False
-        self.carry: Array | None = None  # as in `ContactBody`
+        self.mass, self.friction, self.softness, self.deforms = 0.0, 0.0, 0.0, False
+        self.carry: Array | None = None
         self._inverses: dict[int, tuple[bytes, Array, Array]] = {}
         self._notes = Notes(name)
         self.let_go()

@@ -117,8 +117,5 @@ def matter_moved(a: ContactBody, b: ContactBody, points: Array, triangle: Indice
 def vertices_moved(near: NearTriangles, a: ContactBody, b: ContactBody) -> float:
     """Return the largest movement of a deforming body's vertices in the near triangles [m]."""
     some = np.unique(near.end.triangles[near.chosen])
-    one, other = (
-        surface.vertices[some] @ body.rotation.T + body.translation
-        for surface, body in ((near.start, a), (near.end, b))
-    )
+    one, other = (body.placed(surface.vertices[some]) for surface, body in ((near.start, a), (near.end, b)))
     return float(np.sqrt(((other - one) ** 2).sum(axis=1).max()))

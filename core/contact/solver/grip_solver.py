@@ -21,7 +21,7 @@ from ...errors import DermisError, Finding
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .balance import Balance, balance
-from .bodies import ContactBody
+from .bodies import ContactBody, moved
 from .cone import SLIP, STICK, along
 from .grip import NOWHERE, SEARCH_RADIUS, Displacement, Grip, GripStep, HoldContext, HoldingFinger
 from .notes import Notes
@@ -209,7 +209,7 @@ class GripSolver:
         new = np.flatnonzero((gaps.body[near] == context.own) & (context.history.body[near] != context.own))
         if now is not began and new.size:  # a node without an anchor is anchored at the object's pose at the begin
             points, normal, then = finger.points[near[new]], gaps.normal[near[new]], self.body(pose, *began)
-            went = ((points - then.translation) @ then.rotation) @ body.rotation.T + body.translation - points
+            went = moved(then, body, points)
             offset[new] -= went - along(went, normal)[:, None] * normal
         soft = gaps.compliance(finger.nodes.areas, finger.name)[near]
         key = near.tobytes() + soft.tobytes()
@@ -314,15 +314,15 @@ class GripSolver:
             w[grip.near] = (grip.matrix @ force).reshape(-1, 3) + grip.offset
             body = self.body(context.pose, rotation, middle)
             bodies = (*grip.gaps.bodies[: grip.own], body, *grip.gaps.bodies[grip.own + 1 :])
-            moved = replace(grip.gaps, bodies=bodies)
+            ended = replace(grip.gaps, bodies=bodies)
             status = status_of(whole, grip.gaps.normal, grip.gaps.friction)
             # No node sticks to material that slid along the skin.
             held = np.where((grip.gaps.body == grip.own) & drawn & (status == STICK), SLIP, status).astype(np.int8)
             soft = grip.gaps.compliance(finger.nodes.areas, finger.name)
-            grip.history.keep(moved, held, whole, w, self._deformed[i], soft)
+            grip.history.keep(ended, held, whole, w, self._deformed[i], soft)
             forces.append(whole)
             statuses.append(status)
-            gaps.append(moved)
+            gaps.append(ended)
             slips.append(w)
         return GripStep(
             tuple(forces),

@@ -72,7 +72,7 @@ def _above(solver: PathSolver, body: ContactBody, points: Array, height: float) 
     if not isinstance(body.surface, Surface) or not body.surface.closed:
         return 0.0
     up = solver.bone * (height / np.linalg.norm(solver.bone))
-    high, low = ((p - body.translation) @ body.rotation for p in (points + up, points))
+    high, low = body.local(points + up, points)
     triangle, share = first_crossing(body.surface.table, high, low)
     return float(((1.0 - share) * (triangle >= 0)).max()) * height
 
@@ -83,7 +83,7 @@ def _within(solver: PathSolver, body: ContactBody, surface: Surface) -> bool:
     A vertex without a face bounds nothing.
     """
     corners = surface.triangles[:: len(surface.triangles) // VERTICES + 1, 0]
-    some = surface.vertices[corners] @ body.rotation.T + body.translation - solver.bone
+    some = body.placed(surface.vertices[corners]) - solver.bone
     skin = solver.pad - solver.bone
     far, deep = (np.sqrt(np.einsum("ij,ij->i", v, v)) for v in (some, skin))
     line = (some @ skin.T) / np.maximum(far[:, None] * deep, 1e-300)

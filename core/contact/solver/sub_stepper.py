@@ -155,7 +155,7 @@ class SubStepper:
     # -- the way -------------------------------------------------------------------------------------------------
 
     def _ways(
-        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, fewest: int = 1
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, fewest: int
     ) -> list[list[ContactBody]]:
         """Return the bodies at the end of each part of the frame but the last, of which there are so many at least."""
         parts = max(self._parts(start, bodies, gaps), fewest, 1)
@@ -199,7 +199,7 @@ class SubStepper:
         bone = self.solver.bone
         skin = np.concatenate([points, points + bone * (pressed / np.linalg.norm(bone))])
         reach = self.solver.search_radius + min(inside, self.deepest) + travel(a, b, points)
-        places = np.concatenate([(skin - c.translation) @ c.rotation for c in (a, b)])
+        places = np.concatenate([c.local(skin)[0] for c in (a, b)])
         box = np.stack([places.min(axis=0) - reach, places.max(axis=0) + reach])
         assert isinstance(a.surface, Surface) and isinstance(b.surface, Surface)
         return NearTriangles.about(a.surface, b.surface, box)
@@ -409,5 +409,4 @@ def _rub(bodies: Sequence[ContactBody]) -> bool:
 
 
 def _outside_bone(body: ContactBody, bone: Array) -> bool:
-    local = ((bone - body.translation) @ body.rotation)[None]
-    return isinstance(body.surface, Surface) and float(body.surface.query(local).gap[0]) > 0.0
+    return isinstance(body.surface, Surface) and float(body.surface.query(body.local(bone)[0][None]).gap[0]) > 0.0

@@ -28,9 +28,8 @@ class LoneGrip:
         size = surface.box[1] - surface.box[0]
         inertia = np.diag((size @ size - size**2) / 12.0)
         centre = surface.box.mean(axis=0)
-        self.solver = GripSolver(
-            surface, mass, fingers, friction, centre=centre, inertia=inertia, gravity=gravity, name="object"
-        )
+        self.solver = GripSolver(surface, fingers, centre=centre, inertia=inertia, gravity=gravity, name="object")
+        self.solver.mass, self.solver.friction = mass, friction
         self._histories = [ContactHistory(f.points.shape[0]) for f in fingers]
 
     def step(

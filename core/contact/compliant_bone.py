@@ -96,13 +96,12 @@ class CompliantBone:
         stiffness, limit = touch_depth(parameters, name)
         # With a spring, the penetration is known only after the solve, and `_bone_step` checks it.
         depth_limit = trusted(skin.tissue).depth if stiffness == 0 else np.inf
+        accepted, law = TOLERANCE if tolerance is None else tolerance, LawSkin.of(skin)
         if surface is not None:
             if stiffness:
                 surface = surface.with_spring(np.array([0.0, 0.0, 1.0]), stiffness)
             nodes = NodalForces.of(skin.mesh, surface.chart, skin.follows_law)
-            points = PointSolver(surface, nodes, name=name, depth_limit=depth_limit, law=LawSkin.of(skin))
-            if tolerance is not None:
-                points.tolerance = tolerance
+            points = PointSolver(surface, nodes, tolerance=accepted, name=name, depth_limit=depth_limit, law=law)
             return cls(points, stiffness, limit, name, skin.tissue, skin.material.modulus)
         compliance = skin.compliance
         if stiffness:
@@ -113,10 +112,10 @@ class CompliantBone:
             skin.positions,
             skin.normals,
             areas=skin.areas,
-            tolerance=TOLERANCE if tolerance is None else tolerance,
+            tolerance=accepted,
             name=name,
             depth_limit=depth_limit,
-            law=LawSkin.of(skin),
+            law=law,
         )
         return cls(solver, stiffness, limit, name, skin.tissue, skin.material.modulus)
 
@@ -197,15 +196,8 @@ class CompliantBone:
         spring = self._spring(step)
         depth = max(step.sums.depth - spring, 0.0)
         if spring > 0 and depth > self._range.depth:
-            what = f"the finger sinks too deep: {self._tissue} skin is not trusted at this depth"
-            self._notes.warn(
-                "too-deep",
-                what,
-                scene_frame,
-                value=f"{1e3 * depth:.2f} mm",
-                limit=f"<= {1e3 * self._range.depth:g} mm",
-                remedy="Raise the finger, or use a softer spring",
-            )
+            remedy = "Raise the finger, or use a softer spring"
+            self._notes.too_deep(self._tissue, depth, self._range.depth, scene_frame, remedy=remedy)
         if step.sums.slide > self._range.slide:
             self._notes.warn(
                 "slid-far",

@@ -168,12 +168,12 @@ def _coinciding(body: ContactBody, other: ContactBody, at: Array) -> Array | Non
     if not isinstance(other.surface, Surface):
         return None
     some = at[:: len(at) // LOOKS + 1]
-    there = other.local(some @ body.rotation.T + body.translation)[0]
+    there = other.local(body.placed(some))[0]
     if not boxes_meet(there, other.surface.box, NEAR):
         return None
     own = body.surface.query(some, NEAR)
     known = own.triangle >= 0
-    moved = other.local(own.point[known] @ body.rotation.T + body.translation)[0]
+    moved = other.local(body.placed(own.point[known]))[0]
     found = other.surface.query(moved, 2.0 * TIE)
     turn = own.normal[known] @ body.rotation.T @ other.rotation - found.normal
     same = (found.triangle >= 0) & (np.abs(found.gap) < TIE) & ((turn * turn).sum(axis=1) < TURN * TURN)

@@ -138,8 +138,7 @@ def _smallest(pieces: _Squares | _Triangles, body: ContactBody, side: int) -> tu
     """
     assert isinstance(body.surface, Surface)
     while True:
-        local = (pieces.middles - body.translation) @ body.rotation
-        sizes, found = pieces.sizes, body.surface.query(local)
+        sizes, found = pieces.sizes, body.surface.query(body.local(pieces.middles)[0])
         gaps = (found if side > 0 else found.flipped()).gap  # a point beside a rim is outside on both sides
         most, least = float(gaps.min()), gaps - sizes
         some = np.flatnonzero(least <= most)

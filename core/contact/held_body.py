@@ -202,9 +202,7 @@ class HeldBody:
         if known is None:
             known = self._object = GripSolver(
                 surface,
-                0.0,
                 self._fingers,
-                0.0,
                 centre=centre,
                 inertia=inertia_of(surface, centre),
                 gravity=self._gravity,

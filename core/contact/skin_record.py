@@ -27,7 +27,7 @@ class SkinRecord:
         self._points: list[PointForces] = []  # as many as forces, or none
         self._scalars: list[tuple[float, float, float, float, int, int, float]] = []
 
-    def nothing(self, count: int = 1) -> None:
+    def nothing(self, count: int) -> None:
         """Take `count` samples in which nothing is near."""
         self._scalars.extend([_NOTHING] * count)
 

@@ -4,6 +4,7 @@
    the other (Gauss-Seidel); sweeps come in pairs, the second in reverse order. Anderson's method accelerates them
    (Walker and Ni, SIAM J. Numer. Anal. 49, 2011). */
 #include "anderson.h"
+#include "cone.h"
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
@@ -12,8 +13,6 @@
 /* If the forces hardly change any more but the residual is still too large, the limit of their change is multiplied by
    this factor. */
 #define STILLER 0.25
-/* A force counts as on the surface of its cone above this share of the friction limit. */
-#define ON_CONE (1.0 - 1e-9)
 
 /* A compliance in single or double precision; the other pointer is null. */
 typedef struct {
@@ -57,19 +56,6 @@ static void move_anew(const dermis_contact *contact, const rows_of *c) {
 /* Whether a body is near the node. Otherwise the normal is zero, up to rounding. */
 static int near(const double *normal) { return dermis_dot(normal, normal) > 0.5; }
 
-/* Alart and Curnier's projection: set tension to zero, and shorten the tangential force to the friction limit. */
-static void project(double *force, const double *normal, double friction) {
-    if (!near(normal)) {
-        force[0] = force[1] = force[2] = 0.0;
-        return;
-    }
-    double along = dermis_dot(force, normal), press = dermis_most(along, 0.0);
-    for (int k = 0; k < 3; k++) force[k] -= along * normal[k];
-    double length = dermis_root(dermis_dot(force, force)), most = friction * press;
-    double share = length > most ? most / length : 1.0;
-    for (int k = 0; k < 3; k++) force[k] = press * normal[k] + share * force[k];
-}
-
 /* Return the trace of a node's own compliance, including that of the body below it. No eigenvalue is larger. */
 static double own_of(const rows_of *c, int64_t node, double softness) {
     double sum = 3.0 * softness;
@@ -110,7 +96,10 @@ static double residual_of(const dermis_contact *contact, const rows_of *c) {
         const double *image = contact->image + 3 * i, *offset = contact->offset + 3 * i;
         double soft = contact->softness[i], own = own_of(c, i, soft) / 3.0, v[3];
         for (int k = 0; k < 3; k++) v[k] = force[k] - (image[k] + soft * force[k] + offset[k]) / own;
-        project(v, normal, contact->friction[i]);
+        if (near(normal))
+            project(v, normal, contact->friction[i]);
+        else
+            v[0] = v[1] = v[2] = 0.0;
         size += dermis_dot(force, force), projected += dermis_dot(v, v);
         for (int k = 0; k < 3; k++) v[k] -= force[k];
         error += dermis_dot(v, v);
@@ -173,18 +162,13 @@ static void sweep_all(dermis_contact *contact, const rows_of *c) {
     }
 }
 
-/* Compute the relative displacements, and the status of each node; a node whose force is on the surface of its cone
-   slips. */
+/* Compute the relative displacements, and the status of each node. */
 static void assess(dermis_contact *contact) {
     for (int64_t i = 0; i < contact->count; i++) {
-        const double *force = contact->force + 3 * i, *normal = contact->normals + 3 * i;
-        double *w = contact->moved + 3 * i, press = dermis_dot(force, normal), side[3];
-        for (int k = 0; k < 3; k++) {
-            w[k] = contact->image[3 * i + k] + contact->softness[i] * force[k] + contact->offset[3 * i + k];
-            side[k] = force[k] - press * normal[k];
-        }
-        int on_cone = dermis_root(dermis_dot(side, side)) >= contact->friction[i] * press * ON_CONE;
-        contact->status[i] = (int8_t)(press > 0.0 ? (on_cone ? DERMIS_SLIP : DERMIS_STICK) : 0);
+        const double *force = contact->force + 3 * i;
+        for (int k = 0; k < 3; k++)
+            contact->moved[3 * i + k] = contact->image[3 * i + k] + contact->softness[i] * force[k] + contact->offset[3 * i + k];
+        contact->status[i] = status_of(force, contact->normals + 3 * i, contact->friction[i]);
     }
 }
 

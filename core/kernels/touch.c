@@ -6,6 +6,7 @@
    rounded. The mean over five places about the point limits how fast the gap turns from cell to cell; how the gradient
    differs between the places tells how the normal turns, so that a point looks again only after it has moved. */
 #include "anderson.h"
+#include "cone.h"
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
@@ -237,18 +238,6 @@ static void follow(dermis_touch *t, view *v, int64_t i, double trust, int calm) 
     if (calm && t->body[i] >= 0) turn_in_part(t, v, i, before);
 }
 
-/* Compute the force of Alart and Curnier's fixed-point iteration for a relative displacement w [m], found (3).
-
-   own: trace of the point's own compliance [m/N]. */
-static void step_towards(const double *force, const double *w, const double *n, double own, double mu, double *found) {
-    double side[3], along;
-    for (int k = 0; k < 3; k++) side[k] = force[k] - w[k] / own;
-    along = dermis_dot(side, n);
-    for (int k = 0; k < 3; k++) side[k] -= along * n[k];
-    double press = dermis_most(along, 0.0), length = dermis_root(dermis_dot(side, side)), share = length > mu * press ? mu * press / length : 1.0;
-    for (int k = 0; k < 3; k++) found[k] = press * n[k] + share * side[k];
-}
-
 /* Improve the force on number j of the active points while all others are fixed; return the squared change.
 
    swept: sweeps of this round so far. */
@@ -275,7 +264,8 @@ static double visit(dermis_touch *t, view *views, active *near, int64_t j, doubl
             for (int k = 0; k < 3; k++) gap += cn[k] * (along * n[k] - force[k]);
         double press = along - gap / normal, across = 0.5 * (own - normal);
         if (swept > STEADY) {
-            step_towards(force, w, n, own, mu, found);
+            for (int k = 0; k < 3; k++) found[k] = force[k] - w[k] / own;
+            project(found, n, mu);
         } else if (press > 0.0) {
             for (int k = 0; k < 3; k++) found[k] = press * n[k];
             if (mu > 0.0) {
@@ -283,7 +273,7 @@ static double visit(dermis_touch *t, view *views, active *near, int64_t j, doubl
                 for (int k = 0; k < 3; k++) moved[k] = w[k] + cn[k] * (press - along);
                 out = dermis_dot(moved, n);
                 for (int k = 0; k < 3; k++) side[k] = force[k] - along * n[k] - (moved[k] - out * n[k]) / across;
-                double length = dermis_root(dermis_dot(side, side)), share = length > mu * press ? mu * press / length : 1.0;
+                double share = shortening(side, mu * press);
                 for (int k = 0; k < 3; k++) found[k] += share * side[k];
             }
         }
@@ -302,7 +292,7 @@ static void assess(dermis_touch *t, view *views, const int64_t *points, int64_t 
     for (int64_t j = 0; j < count; j++) {
         int64_t i = points == NULL ? j : points[j];
         const double *force = t->force + 3 * i, *n = views[i].plane;
-        double *w = t->moved + 3 * i, own = 3.0 * soft_of(t, i), v[3], side[3];
+        double *w = t->moved + 3 * i, own = 3.0 * soft_of(t, i), v[3];
         t->status[i] = 0;
         if (t->body[i] < 0) {
             for (int k = 0; k < 3; k++) w[k] = 0.0, error += force[k] * force[k], size += force[k] * force[k];
@@ -311,16 +301,11 @@ static void assess(dermis_touch *t, view *views, const int64_t *points, int64_t 
         relative(t, views + i, i, w);
         for (int k = 0; k < 3; k++) own += views[i].own[4 * k];
         for (int k = 0; k < 3; k++) v[k] = force[k] - 3.0 * w[k] / own;
-        double along = dermis_dot(v, n), press = dermis_most(along, 0.0), most = rub_of(t, i) * press, length;
-        for (int k = 0; k < 3; k++) side[k] = v[k] - along * n[k];
-        length = dermis_root(dermis_dot(side, side));
-        for (int k = 0; k < 3; k++) v[k] = press * n[k] + (length > most ? most / length : 1.0) * side[k];
+        project(v, n, rub_of(t, i));
         size += dermis_dot(force, force), projected += dermis_dot(v, v), least += 9.0 * ROUNDING * ROUNDING / (own * own);
         for (int k = 0; k < 3; k++) v[k] -= force[k];
         error += dermis_dot(v, v);
-        double on = dermis_dot(force, n);
-        for (int k = 0; k < 3; k++) side[k] = force[k] - on * n[k];
-        if (on > 0.0) t->status[i] = dermis_root(dermis_dot(side, side)) >= rub_of(t, i) * on * (1.0 - 1e-9) ? DERMIS_SLIP : DERMIS_STICK;
+        t->status[i] = status_of(force, n, rub_of(t, i));
     }
     size = dermis_most(size, projected) + least;
     t->residual = size > 0.0 ? dermis_root(error / size) : 0.0;

@@ -1,4 +1,4 @@
-"""Facts: what is measured of how a finger was touched, so that conditions speak of a case as it was solved."""
+"""Facts: what is measured of how a finger was touched, which tells costly touches."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from core.contact.skin_stepper import SkinStepper
 from core.contact.solver.path_step import PathStep
-from core.contact.solver.point_solver import PointSolver
 from core.surface.gap import Surface
 
 Array = NDArray[np.float64]
@@ -19,9 +18,7 @@ Array = NDArray[np.float64]
 REDUCED: Mapping[str, Callable[[float, float], float]] = {
     "peak": max,  # the largest force of a sample [N]
     "dragged": max,  # samples in which friction acts on the skin
-    "loaded": min,  # points, or nodes, that carry force at the largest force
     "edge": min,  # distance from a loaded place to where the body turns by SHARP [m], at most FARTHEST
-    "cells": min,  # the same distance, over the width of the cells (or the spacing of the nodes) that carry force
 }
 SHARP = np.radians(30.0)  # between faces: an edge, as for Blender's *Shade Auto Smooth*
 # A ball with a diameter of 5 mm turns by 30 degrees within 1.25 mm, half its radius; a smaller body or an edge turns
@@ -44,15 +41,12 @@ class Looked:
     """One sample that carries force.
 
     Attributes:
-        force: its size [N]. count: places that carry force. friction: whether friction acts.
-        width: of the narrowest cell that carries force, or the spacing of nodes [m].
+        force: its size [N]. friction: whether friction acts.
         places: those that carry most, by body: its surface, and points in its space [m], shape (k, 3).
     """
 
     force: float
-    count: int
     friction: bool
-    width: float
     places: list[tuple[Surface, Array]]
 
 
@@ -75,10 +69,6 @@ class Watch:
         places, bodies = (solver.points + step.displacement)[most], step.gaps.body[most]
         across = size**2 - solution.normal_force**2
         slips = (solution.friction > 0.0) & (across > 1e-12 * float(size.max()) ** 2)
-        if isinstance(solver, PointSolver):
-            width = float(np.sqrt(stepper.surface.cells.areas[solver.cells[loaded]].min()))  # type: ignore[union-attr]
-        else:
-            width = float(np.sqrt(stepper.skin.areas.mean()))
         on = [
             (step.gaps.bodies[b].surface, step.gaps.bodies[b].local(places[bodies == b])[0])
             for b in np.unique(bodies[bodies >= 0]).tolist()
@@ -86,9 +76,7 @@ class Watch:
         self.seen.append(
             Looked(
                 float(np.linalg.norm(solution.force.sum(axis=0))),
-                len(loaded),
                 bool(slips[loaded].any()),
-                width,
                 [(surface, found) for surface, found in on if isinstance(surface, Surface)],
             )
         )
@@ -101,13 +89,10 @@ class Watch:
         most = max(self.seen, key=lambda sample: sample.force)
         heavy = [sample for sample in self.seen if sample.force >= HALF * most.force]
         measured = (most, heavy[0], heavy[-1])
-        near = [(min((ring_of(*found) for found in s.places), default=FARTHEST), s.width) for s in measured]
         return {
             "peak": most.force,
             "dragged": float(sum(sample.friction for sample in self.seen)),
-            "loaded": float(most.count),
-            "edge": min(edge for edge, _ in near),
-            "cells": min(edge / width for edge, width in near),
+            "edge": min((ring_of(*found) for sample in measured for found in sample.places), default=FARTHEST),
         }
 
 

@@ -6,7 +6,7 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from core.work.spread import Asked, spread
 
 from .case import Family, Value, Values, Verdict
 from .facts import costly
-from .known import KNOWN, MENDED, Known, beyond, known_failure, too_wide
+from .mended import MENDED
 
 PART = 5  # cases of a job: those of contact take seconds
 SHRINKING = 30.0  # [s] that the first case to fail a check is made simpler for
@@ -25,15 +25,14 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass
 class Tally:
-    """What became of a family's cases that were drawn; seeds of rows and mended ones are counted in `anew` alone.
+    """What became of a family's cases that were drawn; mended ones are counted in `anew` alone.
 
     Attributes:
-        counts: 'tried', 'passed', 'flagged', 'known', 'failed'. costly: the same of costly touches, see `facts.costly`.
-        anew: the same of cases that are tried in every run. seconds: that those drawn took.
+        counts: 'tried', 'passed', 'flagged', 'failed'. costly: the same of costly touches, see `facts.costly`.
+        anew: the same of mended cases. seconds: that those drawn took.
         worst: check -> (value over its limit, value, limit, seed) of the case that came nearest to its limit, of those
             that passed.
         most: check -> (value, limit, seed) of the case with the largest value, passed or not.
-        known: rows -> how many cases failed so. facts: seeds -> what was measured of the touch, where there was one.
     """
 
     counts: Counter[str] = field(default_factory=Counter)
@@ -43,12 +42,6 @@ class Tally:
     slowest: tuple[float, int] = (0.0, 0)
     worst: dict[str, tuple[float, float, float, int]] = field(default_factory=dict)
     most: dict[str, tuple[float, float, int]] = field(default_factory=dict)
-    known: Counter[Known] = field(default_factory=Counter)
-    facts: dict[int, Mapping[str, float]] = field(default_factory=dict)
-
-    def covered(self, row: Known) -> int:
-        """Return how many cases meet a row's condition."""
-        return sum(row.meets(facts) for facts in self.facts.values())
 
 
 @dataclass(frozen=True)
@@ -105,25 +98,23 @@ def run(
     simplify: bool = True,
     again: bool = True,
     executor: JobExecutor | None = None,
-) -> tuple[dict[str, Tally], list[Failure], list[str]]:
+) -> tuple[dict[str, Tally], list[Failure]]:
     """Run cases of families.
 
     Args:
         seed: of the first case of each. runs: cases of each family. seconds: in all, in place of `runs`.
         changed: values in place of those drawn. tell: is told of every failure.
         simplify: make the first case that fails a check simpler.
-        again: begin with what failed before, and hold rows to their quotas, unless one case alone is asked for.
+        again: begin with what failed before, unless one case alone is asked for.
         executor: who judges cases, in place of this process; it knows the job 'judge'. Not with `seconds`.
 
     Returns:
-        What became of each family's cases, what failed, and what is wrong with rows of `known.py`.
+        What became of each family's cases, and what failed.
     """
     tallies = {family.name: Tally() for family in families}
     failures: list[Failure] = []
-    wrong: list[str] = []
-    whole = again and not changed and runs != 1
-    for family in families if whole else ():
-        wrong += try_anew(family, tallies[family.name], failures, tell, simplify)
+    for family in families if again and not changed and runs != 1 else ():
+        try_anew(family, tallies[family.name], failures, tell, simplify)
     if executor is not None:
         for family, number, took, verdict in _elsewhere(families, seed, runs, changed or {}, executor):
             values = {**family.values(number), **(changed or {})}
@@ -134,11 +125,7 @@ def run(
         for family, number in _turns(families, seed, runs, seconds, tallies):
             values = {**family.values(number), **(changed or {})}
             judge_one(family, number, values, tallies[family.name], failures, tell, simplify)
-    for row in KNOWN if whole else ():
-        if row.family in tallies:
-            tally = tallies[row.family]
-            wrong += beyond(row, tally.counts["tried"], tally.known[row], tally.covered(row))
-    return tallies, failures, wrong
+    return tallies, failures
 
 
 def try_anew(
@@ -147,21 +134,10 @@ def try_anew(
     failures: list[Failure],
     tell: Callable[[str], None] = lambda text: None,
     simplify: bool = True,
-) -> list[str]:
-    """Judge the seeds of a family that are known or mended; return what is wrong with its rows."""
-    wrong = []
+) -> None:
+    """Judge the seeds of a family that are mended."""
     for seed in MENDED.get(family.name, ()):
         judge_one(family, seed, family.values(seed), tally, failures, tell, simplify, drawn=False)
-    for row in (row for row in KNOWN if row.family == family.name):
-        shown = 0.0
-        for seed in row.seeds:
-            verdict = judge_one(family, seed, family.values(seed), tally, failures, tell, simplify, drawn=False)
-            found = [verdict.measured[check][0] for check in verdict.failed if check.startswith(row.check)]
-            if not found:
-                wrong.append(f"{row.name}: its seed {seed} passes: take it out of tests/stress/known.py")
-            shown = max([shown, *found])
-        wrong += too_wide(row, shown)
-    return wrong
 
 
 def _turns(
@@ -210,12 +186,11 @@ def judge_one(
     tell: Callable[[str], None] = lambda text: None,
     simplify: bool = True,
     drawn: bool = True,
-) -> Verdict:
-    """Judge a case, count it, tell of what failed, and return what was measured."""
+) -> None:
+    """Judge a case, count it, and tell of what failed."""
     started = time.perf_counter()
     verdict = judged(family, values)
     count(family, seed, values, verdict, time.perf_counter() - started, tally, failures, tell, simplify, drawn)
-    return verdict
 
 
 def count(
@@ -233,27 +208,23 @@ def count(
     """Count a case that was judged in so many seconds, and tell of what failed.
 
     Args:
-        drawn: it was drawn, not tried because its seed is known.
+        drawn: it was drawn, not tried because it failed once.
     """
     failed = verdict.failed
-    rows = {check: known_failure(family.name, check, verdict.measured[check][0], verdict.facts) for check in failed}
-    new = [check for check in failed if rows[check] is None]
-    fate = "failed" if new else "known" if failed else "flagged" if verdict.missed else "passed"
+    fate = "failed" if failed else "flagged" if verdict.missed else "passed"
     for counter in (tally.counts, *([tally.costly] if costly(verdict.facts) else ())) if drawn else (tally.anew,):
         counter.update(("tried", fate))
     if drawn:
         tally.seconds += took
         tally.slowest = max(tally.slowest, (took, seed))
-        tally.known.update({row for row in rows.values() if row is not None})
-        tally.facts.update({seed: verdict.facts} if verdict.facts else {})
         _note_values(verdict, seed, tally)
-    if not new:
+    if not failed:
         return
-    first = not any(failure.family == family.name and new[0] in failure.measured for failure in failures)
-    simpler = simple(family, values, new[0], SHRINKING if simplify and first else 0.0)
+    first = not any(failure.family == family.name and failed[0] in failure.measured for failure in failures)
+    simpler = simple(family, values, failed[0], SHRINKING if simplify and first else 0.0)
     usual = family.values(seed)
     differ = {name: value for name, value in simpler.items() if usual.get(name) != value}
-    found = {check: "{:.3g}, allowed {:.3g}".format(*verdict.measured[check]) for check in new}
+    found = {check: "{:.3g}, allowed {:.3g}".format(*verdict.measured[check]) for check in failed}
     failure = Failure(family.name, seed, found, differ)
     failures.append(failure)
     tell(f"FAILED {family.name} {seed}: " + "; ".join(f"{c}: {m}" for c, m in found.items()) + f"\n  {failure.command}")

@@ -18,9 +18,10 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,19 +149,23 @@ class Outcome:
 
 def measure(values: Values) -> Outcome:
     """Measure a touch."""
-    touch, rng = SharpTouch(values), np.random.default_rng(int(values["random"]))
-    base = touch.told()
-    force, told = felt(base)
-    shifted = 0.0
+    _, changes, told = retold(SharpTouch(values))
+    return Outcome(values, KINDS[str(values["kind"])] in told, **changes)
+
+
+def retold(touch: SharpTouch) -> tuple[Array, dict[str, float], frozenset[str]]:
+    """Return a touch's force at each sample [N], its changes by shifts and by the way, and the codes that are told."""
+    rng = np.random.default_rng(int(touch.values["random"]))
+    force, told = felt(touch.told())
+    changes = {"shifted": 0.0, "back": 0.0}
     for far in SHIFTS:
         way = rng.normal(size=3)
         other, also = felt(touch.told(far * way / np.linalg.norm(way)))
-        shifted, told = max(shifted, apart(force, other)), told | also
-    back = 0.0
-    if not values["friction"]:
+        changes["shifted"], told = max(changes["shifted"], apart(force, other)), told | also
+    if not touch.values["friction"]:
         both, also = felt(touch.told(back=True))
-        back, told = apart(both, both[::-1]), told | also
-    return Outcome(values, KINDS[str(values["kind"])] in told, shifted, back)
+        changes["back"], told = apart(both, both[::-1]), told | also
+    return force, changes, told
 
 
 def felt(setup: Setup) -> tuple[Array, frozenset[str]]:
@@ -174,19 +179,22 @@ def felt(setup: Setup) -> tuple[Array, frozenset[str]]:
 
 def outcomes(stored: Path, runs: int) -> Iterator[Outcome]:
     """Yield what was measured, and measure what is not stored yet."""
+    drawn = (draw(kind, friction, seed) for seed in range(runs) for kind in KINDS for friction in FRICTIONS)
+    return (Outcome(**entry) for entry in entries(stored, drawn, measure))
+
+
+def entries(stored: Path, drawn: Iterable[Values], measure: Callable[[Values], object]) -> Iterator[dict[str, Any]]:
+    """Yield what was measured of touches as lines store it, and measure and store what is not stored yet."""
     lines = stored.read_text(encoding="utf-8").splitlines() if stored.exists() else []
     known = {json.dumps(entry["values"], sort_keys=True): entry for entry in map(json.loads, lines)}
     with stored.open("a", encoding="utf-8") as file:
-        for seed in range(runs):
-            for kind in KINDS:
-                for friction in FRICTIONS:
-                    values = draw(kind, friction, seed)
-                    entry = known.get(json.dumps(values, sort_keys=True))
-                    if entry is None:
-                        entry = vars(measure(values))
-                        file.write(json.dumps(entry) + "\n")
-                        file.flush()
-                    yield Outcome(**entry)
+        for values in drawn:
+            entry = known.get(json.dumps(values, sort_keys=True))
+            if entry is None:
+                entry = vars(measure(values))
+                file.write(json.dumps(entry) + "\n")
+                file.flush()
+            yield entry
 
 
 def table(found: list[Outcome]) -> str:

@@ -16,7 +16,6 @@ first ones, of 60 touches, balls were let go that could be pressed anew: points 
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -30,7 +29,7 @@ from core.surface import shapes
 from . import retellings
 from .case import Dice, Values, apart
 from .placed import first_contact
-from .sharp import BACK, SHIFTED, SHIFTS, SharpTouch, felt, most
+from .sharp import BACK, SHIFTED, SharpTouch, entries, felt, most, retold
 
 FRICTIONS = (0.0, 0.1, 0.3, 0.6)
 CODES = frozenset({"slides-past", "passed-through", "slips-in"})
@@ -97,39 +96,19 @@ class Outcome:
 
 def measure(values: Values) -> Outcome:
     """Measure a touch."""
-    seed = int(values["random"])
-    touch, rng = SmallTouch(values), np.random.default_rng(seed)
-    base = touch.told()
-    force, told = felt(base)
-    changes = {"shifted": 0.0, "started": 0.0}
-    for far in SHIFTS:
-        way = rng.normal(size=3)
-        other, also = felt(touch.told(far * way / np.linalg.norm(way)))
-        changes["shifted"], told = max(changes["shifted"], apart(force, other)), told | also
+    seed, touch = int(values["random"]), SmallTouch(values)
+    force, changes, told = retold(touch)
+    started = 0.0
     for begin in STARTS:
-        other, also = felt(replace(base, engine=partial(retellings.started, begin, seed)))
-        changes["started"], told = max(changes["started"], apart(force, other)), told | also
-    back = 0.0
-    if not values["friction"]:
-        both, also = felt(touch.told(back=True))
-        back, told = apart(both, both[::-1]), told | also
-    return Outcome(values, sorted(told & CODES), **changes, back=back)
+        other, also = felt(replace(touch.told(), engine=partial(retellings.started, begin, seed)))
+        started, told = max(started, apart(force, other)), told | also
+    return Outcome(values, sorted(told & CODES), **changes, started=started)
 
 
 def outcomes(stored: Path, runs: int) -> Iterator[Outcome]:
     """Yield what was measured, and measure what is not stored yet."""
-    lines = stored.read_text(encoding="utf-8").splitlines() if stored.exists() else []
-    known = {json.dumps(entry["values"], sort_keys=True): entry for entry in map(json.loads, lines)}
-    with stored.open("a", encoding="utf-8") as file:
-        for seed in range(runs):
-            for friction in FRICTIONS:
-                values = draw(friction, seed)
-                entry = known.get(json.dumps(values, sort_keys=True))
-                if entry is None:
-                    entry = vars(measure(values))
-                    file.write(json.dumps(entry) + "\n")
-                    file.flush()
-                yield Outcome(**entry)
+    drawn = (draw(friction, seed) for seed in range(runs) for friction in FRICTIONS)
+    return (Outcome(**entry) for entry in entries(stored, drawn, measure))
 
 
 def table(found: list[Outcome]) -> str:

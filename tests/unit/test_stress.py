@@ -1,4 +1,4 @@
-"""The stress suite: a short form of it, and that it can fail, makes failing cases simple, and tells known ones."""
+"""The stress suite: a short form of it, and that it can fail, and makes failing cases simple."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 
 from core.surface.gap import Surface
 from tests.stress import __main__ as command
-from tests.stress import families, invariances, known, run
+from tests.stress import families, invariances, run
 from tests.stress.__main__ import FAMILIES, main, table, unseen, value_of
 from tests.stress.__main__ import costly as told_per_thousand
 from tests.stress.case import Dice, Family, Values, Verdict, apart
@@ -20,7 +20,7 @@ from tests.stress.contacts import Felt
 from tests.stress.facts import FARTHEST, REDUCED, RINGS, SHARP_WITHIN, costly, ring_of, together
 from tests.stress.families import PARTS, TOUCHES, chosen
 from tests.stress.job import judge, verdicts_of
-from tests.stress.known import CHANCE, COVERED, KNOWN, MENDED, Known, beyond, chance, too_wide
+from tests.stress.mended import MENDED
 from tests.stress.paths import PLAIN, Press, dragged, pressing
 from tests.stress.run import judged, simple
 
@@ -49,9 +49,6 @@ SHORT = {
     "hexapod": (500, 60),
     "cables": (500, 60),
 }
-# Facts of cases as they were drawn and solved. To make them anew, with the families of rows:
-# `python3 build_addon.py stress card --seed 0 --runs 120 --json tests/stress/sample.json`
-SAMPLE = Path(__file__).resolve().parents[1] / "stress" / "sample.json"
 BY_NAME = {family.name: family for family in FAMILIES}
 INVARIANCES = {family.name for family in invariances.FAMILIES}  # `test_invariances.py` has a short form of them
 
@@ -59,44 +56,19 @@ INVARIANCES = {family.name for family in invariances.FAMILIES}  # `test_invarian
 @pytest.mark.parametrize("name", [name for name in BY_NAME if name not in INVARIANCES])
 def test_cases_of_every_family_obey_their_laws(name: str) -> None:
     seed, count = SHORT[name]
-    tallies, failures, _ = run.run([BY_NAME[name]], seed, runs=count, simplify=False, again=False)
+    tallies, failures = run.run([BY_NAME[name]], seed, runs=count, simplify=False, again=False)
     assert not failures, "\n".join(f"{failure.measured} {failure.command}" for failure in failures)
     counts = tallies[name].counts
     assert counts["tried"] == count and counts["passed"] > 0
 
 
-ANEW = sorted({*MENDED, *(row.family for row in KNOWN)})
-
-
-@pytest.mark.parametrize("name", ANEW)
-def test_what_failed_once_does_not_fail_again_and_what_is_known_to_fail_does(name: str) -> None:
+@pytest.mark.parametrize("name", MENDED)
+def test_what_failed_once_does_not_fail_again(name: str) -> None:
     failures: list[run.Failure] = []
-    assert not run.try_anew(BY_NAME[name], run.Tally(), failures, simplify=False)
+    tally = run.Tally()
+    run.try_anew(BY_NAME[name], tally, failures, simplify=False)
+    assert tally.anew["tried"] == len(MENDED[name]) and not tally.counts  # a mended case is none that was drawn
     assert not failures, [(failure.seed, failure.measured) for failure in failures]
-
-
-# -- rows of what is known to fail ---------------------------------------------------------------------------------
-
-
-def solved(family: str) -> tuple[int, list[dict[str, float]]]:
-    """Return how many cases of a family were drawn for the sample, and the facts of those that touch."""
-    found = json.loads(SAMPLE.read_text(encoding="utf-8"))["families"][family]
-    return found["tried"], list(found["facts"].values())
-
-
-@pytest.mark.parametrize("row", KNOWN, ids=lambda row: f"{row.family}, {row.reason[:30]}")
-def test_no_row_covers_more_than_a_tenth_of_what_its_family_draws(row: Known) -> None:
-    tried, facts = solved(row.family)
-    share = sum(map(row.meets, facts)) / tried
-    assert tried >= 100 and 0.0 < share <= COVERED, f"{share:.1%} of {tried} cases meet the condition of {row.name}"
-
-
-@pytest.mark.parametrize("name", sorted({row.family for row in KNOWN}))
-def test_the_sample_is_of_cases_as_they_are_drawn_and_solved_now(name: str) -> None:
-    found = json.loads(SAMPLE.read_text(encoding="utf-8"))["families"][name]["facts"]
-    seed = next(iter(found))
-    facts = judged(BY_NAME[name], BY_NAME[name].values(int(seed))).facts
-    assert facts == pytest.approx(found[seed], rel=0.1), "make it anew"
 
 
 def _draw(dice: Dice) -> Values:
@@ -116,7 +88,7 @@ BAD = Family("bad", "fails wherever it is tilted", _draw, _judge, {"depth": 1.0,
 
 def test_what_breaks_a_law_fails_and_is_told_with_a_command_that_judges_it_alone() -> None:
     heard: list[str] = []
-    tallies, failures, _ = run.run([BAD], 7, runs=2, tell=heard.append)
+    tallies, failures = run.run([BAD], 7, runs=2, tell=heard.append)
     assert [failure.seed for failure in failures] == [7, 8] and tallies["bad"].counts["failed"] == 2
     assert list(failures[0].measured) == ["too tilted"]  # what a finding told of is flagged
     assert (
@@ -124,7 +96,7 @@ def test_what_breaks_a_law_fails_and_is_told_with_a_command_that_judges_it_alone
     )
     assert failures[0].command in heard[0]
     changed = dict(value_of(text) for text in ("depth=1.0", "friction=0.0"))
-    _, alone, _ = run.run([BAD], 7, runs=1, changed=changed)
+    _, alone = run.run([BAD], 7, runs=1, changed=changed)
     assert alone[0].measured == failures[0].measured
     assert "bad" in table(tallies) and "0.5 of 1" in table(tallies)
 
@@ -135,70 +107,7 @@ def test_a_failing_case_is_made_plain_only_where_it_stays_failing() -> None:
     assert BAD.values(3) == drawn != BAD.values(4)
 
 
-TOUCHED = {"peak": 1.0, "dragged": 0.0, "loaded": 9.0, "edge": FARTHEST, "cells": 9.0}
-
-
-def _judge_touch(values: Values) -> Verdict:
-    """A touch whose tilt is measured, and fails by as much."""
-    verdict = Verdict(facts={**TOUCHED, "loaded": float(values["tilt"])})
-    verdict.hold("too tilted", float(values["tilt"]), 3.0)
-    return verdict
-
-
-FELT = Family("felt", "fails wherever it is tilted", _draw, _judge_touch)
-
-
-def _row(seeds: tuple[int, ...] = (1,), below: float = 9.0, quota: float = 1000.0, least: float = 0.0) -> Known:
-    return Known("felt", "too tilted", seeds, "it is tilted", below, quota, lambda f: f["loaded"] > least)
-
-
-def _with_rows(monkeypatch: pytest.MonkeyPatch, *rows: Known) -> None:
-    for module in (known, run):
-        monkeypatch.setattr(module, "KNOWN", rows)
-
-
-def test_a_known_failure_is_counted_apart_where_its_condition_is_met(monkeypatch: pytest.MonkeyPatch) -> None:
-    _with_rows(monkeypatch, _row())
-    tallies, failures, wrong = run.run([FELT], runs=20)
-    assert not failures and tallies["felt"].counts == {"tried": 20, "known": 20}
-    assert tallies["felt"].anew == {"tried": 1, "known": 1}  # a row's own seed is no case that was drawn
-    assert len(wrong) == 1 and "20 of 20 cases meet its condition; a tenth may" in wrong[0]
-    _with_rows(monkeypatch, _row(below=3.5))
-    assert len(run.run([FELT], runs=3, simplify=False)[1]) == 4
-    _with_rows(monkeypatch, _row(least=8.0))  # is told of the solved case: those that meet it are known, no others
-    tallies, failures, _ = run.run([FELT], runs=40, simplify=False, again=False)
-    more = sum(facts["loaded"] > 8.0 for facts in tallies["felt"].facts.values())
-    assert 0 < more < 40 and tallies["felt"].counts == {"tried": 40, "known": more, "failed": 40 - more}
-    assert tallies["felt"].covered(_row(least=8.0)) == more and len(failures) == 40 - more
-
-
-def test_a_row_whose_seed_passes_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    _with_rows(monkeypatch, Known("felt", "fine", (2,), "it was not fine once", 1.0, 1000.0, lambda f: False))
-    _, failures, wrong = run.run([FELT], runs=2, simplify=False)
-    assert len(failures) == 3 and "its seed 2 passes" in wrong[0]
-
-
-def test_a_bound_more_than_twice_what_its_seeds_show_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown = float(FELT.values(1)["tilt"])
-    for below, too in ((1.99 * shown, False), (2.01 * shown, True), (math.inf, True)):
-        assert bool(too_wide(_row(below=below), shown)) is too
-        _with_rows(monkeypatch, _row(below=below))
-        wrong = run.try_anew(FELT, run.Tally(), [])
-        assert bool(wrong) is too and all("its bound is" in text for text in wrong)
-
-
-def test_more_failures_than_a_row_has_a_quota_for_fail_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    _with_rows(monkeypatch, _row(quota=500.0))
-    assert any("20 of 20 cases fail so; its quota is 500 in 1,000" in text for text in run.run([FELT], runs=20)[2])
-    assert not any("quota" in text for text in run.run([FELT], runs=4)[2])  # four of four may be chance
-
-
-def test_a_few_cases_may_pass_a_share_by_chance_and_many_may_not() -> None:
-    assert [chance(k, 2, 0.1) for k in range(3)] == pytest.approx([1.0, 0.19, 0.01])
-    row = _row(quota=100.0)
-    assert not beyond(row, 10, 3, 3) and len(beyond(row, 1000, 150, 0)) == len(beyond(row, 1000, 0, 150)) == 1
-    passed = sum(bool(beyond(row, 1000, count, 0)) for count in np.random.default_rng(0).binomial(1000, 0.1, 2000))
-    assert passed / 2000 < CHANCE
+TOUCHED = {"peak": 1.0, "dragged": 0.0, "edge": FARTHEST}
 
 
 # -- costly touches ------------------------------------------------------------------------------------------------
@@ -242,7 +151,7 @@ def test_what_is_sharp_is_measured_where_the_finger_is_loaded(
 ) -> None:
     facts = felt(shape, size, pressing(1e-3, 8), angle=angle).facts
     assert (facts["edge"] <= SHARP_WITHIN) is sharp and (facts["edge"] == FARTHEST) is (shape == "block")
-    assert facts["peak"] > 0.05 and facts["dragged"] == 0.0 and facts["loaded"] > 10
+    assert facts["peak"] > 0.05 and facts["dragged"] == 0.0
 
 
 def test_an_edge_counts_only_near_the_load() -> None:
@@ -276,7 +185,7 @@ def test_a_drag_turns_at_samples_that_half_the_rate_knows() -> None:
 
 def test_facts_of_several_paths_are_the_worst_of_them() -> None:
     one, two = dict.fromkeys(REDUCED, 1.0), dict.fromkeys(REDUCED, 2.0)
-    found = {"peak": 2.0, "dragged": 2.0, "loaded": 1.0, "edge": 1.0, "cells": 1.0}
+    found = {"peak": 2.0, "dragged": 2.0, "edge": 1.0}
     assert together(one, two, {}) == together(two, one) == found
 
 
@@ -288,22 +197,22 @@ def test_a_worker_returns_the_facts_as_well() -> None:
 
 def test_what_is_told_is_per_thousand_costly_touches_and_names_the_seed() -> None:
     tallies = {name: run.Tally() for name in ("touch", "press", "pins")}
-    tallies["touch"].costly.update({"tried": 40, "failed": 3, "known": 1, "flagged": 10, "passed": 26})
+    tallies["touch"].costly.update({"tried": 40, "failed": 3, "flagged": 10, "passed": 27})
     tallies["touch"].counts.update({"tried": 400, "failed": 200})
     tallies["pins"].counts.update({"tried": 7, "failed": 2})
     lines = told_per_thousand(tallies, "seed 5, which was given").splitlines()
-    assert lines[2].split() == ["touch", "40", "75", "25", "250"] and lines[3].split() == ["press", "0", "-", "-", "-"]
+    assert lines[2].split() == ["touch", "40", "75", "250"] and lines[3].split() == ["press", "0", "-", "-"]
     assert lines[4] == "no touches: pins 2 of 7 failed"
-    assert lines[5] == "per 1,000 costly touches: 75 failed, 25 known, 250 flagged; of 40, on seed 5, which was given"
+    assert lines[5] == "per 1,000 costly touches: 75 failed, 250 flagged; of 40, on seed 5, which was given"
 
 
 def test_a_seed_is_new_where_none_is_given(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     drawn = []
 
-    def only_drawn(some: list[Family], seed: int, **more: object) -> tuple[dict[str, run.Tally], list[str], list[str]]:
+    def only_drawn(some: list[Family], seed: int, **more: object) -> tuple[dict[str, run.Tally], list[str]]:
         drawn.append(seed)
         time.sleep(0.002)
-        return {family.name: run.Tally() for family in some}, [], []
+        return {family.name: run.Tally() for family in some}, []
 
     monkeypatch.setattr(command, "run", only_drawn)
     told = []
@@ -338,12 +247,6 @@ def test_the_status_says_that_something_failed(
     assert main(["bad", "--seed", "7", "--runs", "2"]) == 1
     out = capsys.readouterr().out
     assert "FAILED bad 7: too tilted" in out and "no touches: bad 2 of 2 failed" in out
-    _with_rows(monkeypatch, Known("pins", "kkt", (3,), "it does not fail", 1.0, 1.0, lambda facts: True))
-    monkeypatch.setattr(command, "KNOWN", known.KNOWN)
-    assert main(["pins", "--seed", "3", "--runs", "2"]) == 1
-    assert (
-        "WRONG IN tests/stress/known.py: pins, kkt (it does not fail ...): its seed 3 passes" in capsys.readouterr().out
-    )
 
 
 def test_errors_and_warnings_of_arithmetic_fail() -> None:

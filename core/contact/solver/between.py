@@ -97,13 +97,15 @@ def matter_moved(a: ContactBody, b: ContactBody, points: Array, triangle: Indice
         triangle: index of the triangle of `b` that is closest to each point, shape (n,).
 
     Returns:
-        The movement; None if the faces of the surface have changed.
+        The movement; None if the body was or is away, or the faces of its surface have changed.
     """
+    if a.away or b.away:
+        return None
     if a.surface is b.surface:
         return moved(a, b, points)
     if not reshaped(a, b):
         one, other = a.surface, b.surface
-        if a.away or b.away or not isinstance(one, Surface) or not isinstance(other, Surface):
+        if not isinstance(one, Surface) or not isinstance(other, Surface):
             return None
         if len(one.vertices) != len(other.vertices) or not cut_otherwise(one.triangles, other.triangles):
             return None
@@ -115,8 +117,5 @@ def matter_moved(a: ContactBody, b: ContactBody, points: Array, triangle: Indice
 def vertices_moved(near: NearTriangles, a: ContactBody, b: ContactBody) -> float:
     """Return the largest movement of a deforming body's vertices in the near triangles [m]."""
     some = np.unique(near.end.triangles[near.chosen])
-    one, other = (
-        surface.vertices[some] @ body.rotation.T + body.translation
-        for surface, body in ((near.start, a), (near.end, b))
-    )
+    one, other = (body.placed(surface.vertices[some]) for surface, body in ((near.start, a), (near.end, b)))
     return float(np.sqrt(((other - one) ** 2).sum(axis=1).max()))

@@ -76,6 +76,10 @@ class ContactBody:
         """Transform points [m], shape (..., 3) each, from the finger's frame to the surface's space."""
         return tuple((p - self.translation) @ self.rotation for p in points)
 
+    def placed(self, points: Array) -> Array:
+        """Transform points [m], shape (..., 3), from the surface's space to the finger's frame."""
+        return np.asarray(points @ self.rotation.T + self.translation)
+
     def same_place(self, other: ContactBody) -> bool:
         """Return whether another state of this body has the same surface, pose and properties, or both are away."""
         if self is other or (self.away and other.away):
@@ -176,7 +180,7 @@ def travel(a: ContactBody, b: ContactBody, points: Array) -> float:
 
 def moved(a: ContactBody, b: ContactBody, points: Array) -> Array:
     """Return the movement of a body's material at points from one pose to another [m], shape (n, 3)."""
-    return np.asarray(((points - a.translation) @ a.rotation) @ b.rotation.T + b.translation - points)
+    return b.placed(*a.local(points)) - points
 
 
 def least_gaps(points: Array, bodies: Sequence[ContactBody], reach: float, bone: Array) -> Array:
@@ -190,18 +194,14 @@ def least_gaps(points: Array, bodies: Sequence[ContactBody], reach: float, bone:
     """
     least = np.full(len(points), np.inf)
     for body in bodies:
-        surface, (local,) = body.surface, body.local(points)
         if body.away:
             continue
-        if isinstance(surface, Surface):
-            # far away no tree is built, and no side is determined
-            if not surface.table.usable.any() or not boxes_meet(local, surface.box, reach):
-                continue
-            found = surface.query(local, reach)
-            if not surface.closed and surface.side_of(*body.local(bone)) < 0:
-                found = found.flipped()
-        else:
-            found = surface.query(local, reach)
+        surface, (local,) = body.surface, body.local(points)
+        if isinstance(surface, Surface) and not (surface.table.usable.any() and boxes_meet(local, surface.box, reach)):
+            continue  # far away no tree is built, and no side is determined
+        found = surface.query(local, reach)
+        if isinstance(surface, Surface) and not surface.closed and surface.side_of(*body.local(bone)) < 0:
+            found = found.flipped()
         np.minimum(least, found.gap, out=least)
     return least
 
@@ -266,7 +266,7 @@ def from_material(
             u, w, height = material[which][on].T[:, :, None]
             local = local.copy()
             local[on] = a + u * ab + w * ac + height * normal
-        out[which] = local @ body.rotation.T + body.translation
+        out[which] = body.placed(local)
     return out
 
 

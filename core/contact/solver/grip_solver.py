@@ -21,7 +21,7 @@ from ...errors import DermisError, Finding
 from ...surface.gap import Surface
 from ...surface.plane import Plane
 from .balance import Balance, balance
-from .bodies import ContactBody
+from .bodies import ContactBody, moved
 from .cone import SLIP, STICK, along
 from .grip import NOWHERE, SEARCH_RADIUS, Displacement, Grip, GripStep, HoldContext, HoldingFinger
 from .notes import Notes
@@ -45,41 +45,39 @@ class GripSolver:
 
     Args:
         surface: surface of the object in its own space [m].
-        mass: mass [kg], which may change from frame to frame; 0 for an object without weight and inertia.
         fingers: fingers that may touch the object.
-        friction: Coulomb coefficient against skin.
         centre: centre of mass, in the object's own space [m], shape (3,).
         inertia: inertia tensor for a mass of 1 kg about the centre of mass, in the object's own space [m^2], shape (3,
             3).
         gravity: acceleration of gravity in world axes [m/s^2], shape (3,).
         name: name of the object, for findings.
 
+    Attributes:
+        mass: mass in the next frame [kg]; 0 for an object without weight and inertia.
+        friction, softness, deforms, carry: as in `ContactBody`, in the next frame.
+
     Raises:
-        DermisError: the mass is negative or not finite, or there is no finger.
+        DermisError: there is no finger.
     """
 
     def __init__(
         self,
         surface: Surface | Plane,
-        mass: float,
         fingers: Sequence[HoldingFinger],
-        friction: float,
         *,
         centre: Array,
         inertia: Array,
         gravity: Array,
         name: str,
     ) -> None:
-        if not (np.isfinite(mass) and mass >= 0.0):
-            raise DermisError("a held object needs a mass", where=name, value=mass, limit=">= 0 kg")
         if not fingers:
             raise DermisError("no contact can hold the object", where=name, remedy="Add a finger")
         self.centre, self.inertia, self.gravity = centre, inertia, gravity
-        self.surface, self.mass, self.friction, self.name = surface, mass, friction, name
+        self.surface = surface
         self.fingers = tuple(fingers)
         self._rho = WEIGHT * float(np.median(np.concatenate([np.diag(f.compliance) for f in fingers])))
-        self.softness, self.deforms = 0.0, False
-        self.carry: Array | None = None  # as in `ContactBody`
+        self.mass, self.friction, self.softness, self.deforms = 0.0, 0.0, 0.0, False
+        self.carry: Array | None = None
         self._inverses: dict[int, tuple[bytes, Array, Array]] = {}
         self._notes = Notes(name)
         self.let_go()
@@ -211,7 +209,7 @@ class GripSolver:
         new = np.flatnonzero((gaps.body[near] == context.own) & (context.history.body[near] != context.own))
         if now is not began and new.size:  # a node without an anchor is anchored at the object's pose at the begin
             points, normal, then = finger.points[near[new]], gaps.normal[near[new]], self.body(pose, *began)
-            went = ((points - then.translation) @ then.rotation) @ body.rotation.T + body.translation - points
+            went = moved(then, body, points)
             offset[new] -= went - along(went, normal)[:, None] * normal
         soft = gaps.compliance(finger.nodes.areas, finger.name)[near]
         key = near.tobytes() + soft.tobytes()
@@ -316,15 +314,15 @@ class GripSolver:
             w[grip.near] = (grip.matrix @ force).reshape(-1, 3) + grip.offset
             body = self.body(context.pose, rotation, middle)
             bodies = (*grip.gaps.bodies[: grip.own], body, *grip.gaps.bodies[grip.own + 1 :])
-            moved = replace(grip.gaps, bodies=bodies)
+            ended = replace(grip.gaps, bodies=bodies)
             status = status_of(whole, grip.gaps.normal, grip.gaps.friction)
             # No node sticks to material that slid along the skin.
             held = np.where((grip.gaps.body == grip.own) & drawn & (status == STICK), SLIP, status).astype(np.int8)
             soft = grip.gaps.compliance(finger.nodes.areas, finger.name)
-            grip.history.keep(moved, held, whole, w, self._deformed[i], soft)
+            grip.history.keep(ended, held, whole, w, self._deformed[i], soft)
             forces.append(whole)
             statuses.append(status)
-            gaps.append(moved)
+            gaps.append(ended)
             slips.append(w)
         return GripStep(
             tuple(forces),

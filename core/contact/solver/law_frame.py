@@ -219,8 +219,7 @@ def _moved(solver: LinearContact, gaps: NodeGaps, bodies: Indices) -> Array:
     """
     out, last = np.zeros((len(bodies), 3)), solver.bodies
     for body, points in owned(bodies):
-        way = None
-        if body < len(last) and not last[body].away and not gaps.bodies[body].away:
-            way = matter_moved(last[body], gaps.bodies[body], solver.points[points], gaps.triangle[points])
+        now, at, triangle = gaps.bodies[body], solver.points[points], gaps.triangle[points]
+        way = matter_moved(last[body], now, at, triangle) if body < len(last) else None
         out[points] = np.nan if way is None else way
     return out

@@ -30,11 +30,14 @@ FASTER = 2.0  # largest factor by which the change of c may exceed that of the l
 
 
 class Fold(Enum):
-    """Whether skin was folded in the last frame: pushed in on the mesh, and out where forces act."""
+    """Whether skin was folded in the last frame: pushed in on the mesh, and out where forces act; in words."""
 
-    NONE = 0
-    LEFT = 1  # a folded equilibrium exists; the one of straight pressing, without a fold, was used
-    KEPT = 2  # folded: no equilibrium without a fold was found
+    NONE = ""
+    LEFT = (
+        "contact has two solutions here, one with the skin folded into itself; the other one, found by "
+        "pressing straight in, was used"
+    )
+    KEPT = "only a solution with skin folded into itself was found: its forces are too large"
 
 
 class LawState(NamedTuple):

@@ -28,6 +28,12 @@ class Notes:
         else:
             self._known[code] = replace(known, count=known.count + 1)
 
+    def too_deep(self, skin: str, depth: float, limit: float, scene_frame: float, *, remedy: str) -> None:
+        """Record that skin, in words linear or neo-Hookean, is deeper in an object than it is trusted [m]."""
+        what = f"the finger sinks too deep: {skin} skin is not trusted at this depth"
+        value, limited = f"{1e3 * depth:.2f} mm", f"<= {1e3 * limit:g} mm"
+        self.warn("too-deep", what, scene_frame, value=value, limit=limited, remedy=remedy)
+
     def findings(self) -> tuple[Finding, ...]:
         """Return one finding for each kind, in the order of their first frames."""
         return tuple(self._known.values())

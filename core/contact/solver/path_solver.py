@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Array, Floats32, Indices
+from ...arrays import Array, Floats32
 from ...errors import DermisError, Finding
 from ...kernels.library import kernels
-from .between import matter_moved
 from .bodies import BONE, ContactBody, NodeGaps, least_gaps, same_places
 from .compliance import displaced, own_compliance, refuse_indefinite
 from .cone import assess, carrying
@@ -50,11 +49,6 @@ EASY = 3
 DEPTH_LIMIT = 2e-3
 # In one frame skin bulges by no more than BULGE times its displacement in the last frame, plus MARGIN [m].
 BULGE, MARGIN = 1.5, 0.3e-3
-FOLDS = {
-    Fold.LEFT: "contact has two solutions here, one with the skin folded into itself; the other one, found by "
-    "pressing straight in, was used",
-    Fold.KEPT: "only a solution with skin folded into itself was found: its forces are too large",
-}
 # Attributes that a frame changes, besides the history. Each is replaced, never changed in place.
 _STATE = ("_force", "_last", "_image", "_sunk", "_step", "_bodies", "_at_rest", "frames", "_rubbing")
 
@@ -76,8 +70,7 @@ class PathSolver:
     Attributes:
         counters: number of frames of each kind. 'solved': sweeps ran. 'unchanged': the last forces satisfied the laws
             in the new frame. 'same': no body moved and no point slid. 'idle': nothing was near. 'held': see `adopt`.
-            'unconverged' and 'deep' count doubtful frames. 'parts' counts solved parts of frames that `SubStepper`
-            divided.
+            'unconverged': the solution is doubtful. 'parts' counts solved parts of frames that `SubStepper` divided.
         frames: number of frames so far.
 
     Raises:
@@ -126,9 +119,7 @@ class PathSolver:
         self.name = name
         self.depth_limit = depth_limit
         self.law = law
-        self.counters = dict.fromkeys(
-            ("solved", "unchanged", "same", "idle", "unconverged", "deep", "held", "parts"), 0
-        )
+        self.counters = dict.fromkeys(("solved", "unchanged", "same", "idle", "unconverged", "held", "parts"), 0)
         self.notes = Notes(name)
         self.frames = 0
         # forces, and which nodes they load: kept for the property `loaded`
@@ -176,8 +167,7 @@ class PathSolver:
         self.reset()
         none = np.zeros(len(self._zero))
         nothing = Solution(self._zero, self._zero, self._zero, none, self._status, 0, 0.0, self.tolerance, "none")
-        nodal = self.nodal(self._zero)
-        self._step = PathStep(nothing, self._zero, None, "idle", False, nodal, self.amounts, self.points, self.bone)
+        self._step = self._frame(nothing, self._zero, None, "idle", False)
         return self._step
 
     @property
@@ -286,24 +276,6 @@ class PathSolver:
         way = None if drift is STILL else (drift.moved, drift.passed)
         return self.history.expected(bodies, self.points + self._touching, self.search_radius, self._force, way)
 
-    def pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
-        """Return the largest normal movement of the bodies' material [m].
-
-        It is the movement of the triangles at some points, along the normals of the gaps. A difference of gaps would
-        jump at an edge of a surface, so it is used only for bodies whose triangles have changed since the last frame.
-        """
-        far, which = 0.0, gaps.body[nodes]
-        for i in sorted(set(which.tolist())):
-            a, b, own = start[i], gaps.bodies[i], nodes[which == i]
-            way = matter_moved(a, b, self.points.take(own, axis=0), gaps.triangle.take(own))
-            if way is None:
-                last = self.gaps
-                assert last is not None
-                far = max(far, float(np.abs(gaps.gap[own] - last.gap[own]).max()))
-            else:
-                far = max(far, float(np.abs(np.einsum("ij,ij->i", way, gaps.normal.take(own, axis=0))).max()))
-        return far
-
     def step_gaps(self, gaps: NodeGaps, *, scene_frame: float | None = None, part: bool = False) -> PathStep:
         """Solve the next frame from gaps that were measured elsewhere."""
         from_rest = self.fresh
@@ -319,17 +291,12 @@ class PathSolver:
         if not from_rest and work == "solved":
             friction.notice(solution)
         self._remember(solved, friction, soft)
-        nodal = self._zero if part else self.nodal(solution.force)
-        step = PathStep(solution, image, gaps, work, from_rest, nodal, self.amounts, self.points, self.bone)
+        self._step = self._frame(solution, image, gaps, work, from_rest, part)
         if part:
             self.counters["parts"] += 1
             self._at_rest = False  # a part's step has no nodal forces, so no frame may return it
-        else:
-            self._report(step, self.frames if scene_frame is None else scene_frame)
-            self.counters[work] += 1
-            self.frames += 1
-        self._step = step
-        return step
+            return self._step
+        return self._counted(self._step, work, scene_frame)
 
     def adopt(
         self, force: Array, displacement: Array, gaps: NodeGaps, residual: float, *, scene_frame: float | None = None
@@ -346,26 +313,26 @@ class PathSolver:
         """
         from_rest = self._step is None or self._step.work == "idle"
         status = status_of(force, gaps.normal, gaps.friction)
-        solution = Solution(
-            force,
-            displacement,
-            gaps.normal,
-            gaps.friction,
-            status,
-            EASY + 1,
-            residual,
-            CHECK * self.tolerance,
-            "sweeps",
-        )
+        goal = CHECK * self.tolerance
+        solution = Solution(force, displacement, gaps.normal, gaps.friction, status, EASY + 1, residual, goal, "sweeps")
         self._last, self._force, self._image = None, force, self._apply(force)
         self._sunk = gaps.compliance(self.areas, self.name)[:, None] * force
         self._bodies, self._at_rest, self._rubbing = gaps.bodies, False, UNMOVED
-        self.counters["held"] += 1
-        own = self.nodal(force), self.amounts, self.points, self.bone
-        self._step = PathStep(solution, self._image, gaps, "solved", from_rest, *own)
-        self._report(self._step, self.frames if scene_frame is None else scene_frame)
+        self._step = self._frame(solution, self._image, gaps, "solved", from_rest)
+        return self._counted(self._step, "held", scene_frame)
+
+    def _frame(
+        self, solution: Solution, image: Array, gaps: NodeGaps | None, work: str, from_rest: bool, part: bool = False
+    ) -> PathStep:
+        nodal = self._zero if part else self.nodal(solution.force)
+        return PathStep(solution, image, gaps, work, from_rest, nodal, self.amounts, self.points, self.bone)
+
+    def _counted(self, step: PathStep, kind: str, scene_frame: float | None) -> PathStep:
+        """Return a solved frame, counted as one of a kind and with its findings noted."""
+        self._report(step, self.frames if scene_frame is None else scene_frame)
+        self.counters[kind] += 1
         self.frames += 1
-        return self._step
+        return step
 
     # -- one frame -----------------------------------------------------------------------------------------------
 
@@ -481,7 +448,7 @@ class PathSolver:
         if self.law is not None and self.law.fold is not Fold.NONE:
             self.notes.warn(
                 "several-states",
-                FOLDS[self.law.fold],
+                self.law.fold.value,
                 where,
                 remedy="Press less deep, or turn less in a frame while pressed",
             )
@@ -489,13 +456,8 @@ class PathSolver:
         near = step.gaps is not None and -float(step.gaps.gap.min(initial=np.inf)) > self.depth_limit
         depth = step.sums.depth if near else 0.0
         if depth > self.depth_limit:
-            self.counters["deep"] += 1
-            skin = "linear" if self.law is None else "neo-Hookean"
-            self.notes.warn(
-                "too-deep",
-                f"the finger sinks too deep: {skin} skin is not trusted at this depth",
-                where,
-                value=f"{1e3 * depth:.2f} mm",
-                limit=f"<= {1e3 * self.depth_limit:g} mm",
-                remedy="Raise the finger, or make its touch depth compliant",
+            skin, remedy = (
+                "linear" if self.law is None else "neo-Hookean",
+                "Raise the finger, or make its touch depth compliant",
             )
+            self.notes.too_deep(skin, depth, self.depth_limit, where, remedy=remedy)

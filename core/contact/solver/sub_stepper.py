@@ -9,7 +9,7 @@ is one that the skin has slid past.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,8 @@ from ...surface.crossing import first_crossing
 from ...surface.gap import Surface
 from .between import between, lowered, matter_moved, reshaped, vertices_moved
 from .bodies import AWAY, TIE, ContactBody, NodeGaps, least_gaps, same_places, travel
+from .cone import along
+from .lowering import OUTSIDE, SEARCHES, in_or_above, way_out, ways_out
 from .near_surface import NearTriangles
 from .path_solver import PathSolver
 from .path_step import PathStep
@@ -39,15 +41,6 @@ STRAIGHT = 0.95
 MAX_PARTS = 60
 # Largest number of parts if `SubStepper.coarse` is set.
 COARSE_PARTS = 2
-# A finger counts as outside an object if no node is deeper in it than this [m].
-OUTSIDE = 1e-7
-SEARCHES = 40  # largest number of iterations of a search for first contact
-# An object that has passed through a finger counts as above the pad if a line upwards from one of this many points of
-# the pad meets it within this length [m].
-WAYS, ABOVE = 16, 0.1
-# Number of corners of an object that are tested for being inside the finger, and least cosine between the directions
-# of a vertex and of the point of the skin with which it is compared.
-VERTICES, IN_LINE = 64, 0.95
 THROUGH, UNFELT = "an object went through the finger", ", and is not felt until the finger is outside"
 PAST, ANEW = "the skin has slid past something small", ", and is pressed onto it anew: the force is unreliable"
 LESS = "Press no deeper than its radius, drag less far, or give it more friction"
@@ -159,10 +152,10 @@ class SubStepper:
     # -- the way -------------------------------------------------------------------------------------------------
 
     def _ways(
-        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, fewest: int = 1
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, fewest: int
     ) -> list[list[ContactBody]]:
         """Return the bodies at the end of each part of the frame but the last, of which there are so many at least."""
-        parts = max(self._parts(start, bodies, gaps), fewest)
+        parts = max(self._parts(start, bodies, gaps), fewest, 1)
         if self.coarse and parts > COARSE_PARTS:
             parts, self.cut = COARSE_PARTS, True
         last, fast = self.solver.gaps, parts > MAX_PARTS
@@ -200,7 +193,7 @@ class SubStepper:
         bone = self.solver.bone
         skin = np.concatenate([points, points + bone * (pressed / np.linalg.norm(bone))])
         reach = self.solver.search_radius + min(inside, self.deepest) + travel(a, b, points)
-        places = np.concatenate([(skin - c.translation) @ c.rotation for c in (a, b)])
+        places = np.concatenate([c.local(skin)[0] for c in (a, b)])
         box = np.stack([places.min(axis=0) - reach, places.max(axis=0) + reach])
         assert isinstance(a.surface, Surface) and isinstance(b.surface, Surface)
         return NearTriangles.about(a.surface, b.surface, box)
@@ -214,32 +207,41 @@ class SubStepper:
         last = self.solver.gaps
         if last is None:
             far = max(self._far(a, b) for a, b in zip(start, bodies, strict=True))
-            return max(int(np.ceil(far / PRESSING)), 1)
+            return int(np.ceil(far / PRESSING))
         pressed = ((gaps.body >= 0) & ((gaps.clearance < 0.0) | self.solver.loaded)).nonzero()[0]
-        if pressed.size == 0:
-            return 1
         same = pressed[(last.body == gaps.body).take(pressed)]
         if same.size == 0:
-            return int(np.ceil(self._travel(start, bodies, gaps, pressed) / PRESSING))
-        parts = np.ceil(self.solver.pressing(start, gaps, same) / PRESSING)
-        if np.einsum("ij,ij->i", gaps.normal.take(same, axis=0), last.normal.take(same, axis=0)).min() < STRAIGHT:
-            parts = max(parts, np.ceil(self._travel(start, bodies, gaps, same) / TURNING))
-        return max(int(parts), 1)
+            return int(np.ceil(self._travel(start, gaps, pressed) / PRESSING))
+        parts = np.ceil(self._pressing(start, gaps, last, same) / PRESSING)
+        if along(gaps.normal.take(same, axis=0), last.normal.take(same, axis=0)).min() < STRAIGHT:
+            parts = max(parts, np.ceil(self._travel(start, gaps, same) / TURNING))
+        return int(parts)
 
-    def _travel(
-        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices
-    ) -> float:
+    def _travel(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
         """Return the largest movement of the bodies' material at nodes [m]."""
-        far, which = 0.0, gaps.body[nodes]
+        ways = (way for _, way in self._moved(start, gaps, nodes) if way is not None)
+        return max((float(np.sqrt((way * way).sum(axis=1)).max()) for way in ways), default=0.0)
+
+    def _pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, last: NodeGaps, nodes: Indices) -> float:
+        """Return the largest normal movement of the bodies' material at nodes [m].
+
+        A difference of gaps would jump at an edge of a surface, so it is used only for bodies whose triangles have
+        changed since the last frame.
+        """
+        far = 0.0
+        for own, way in self._moved(start, gaps, nodes):
+            nearer = gaps.gap[own] - last.gap[own] if way is None else along(way, gaps.normal[own])
+            far = max(far, float(np.abs(nearer).max()))
+        return far
+
+    def _moved(
+        self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices
+    ) -> Iterator[tuple[Indices, Array | None]]:
+        """Yield the nodes of each body with the movement of its material there, see `matter_moved`."""
+        which = gaps.body[nodes]
         for i in sorted(set(which.tolist())):
             own = nodes[which == i]
-            way = (
-                None
-                if start[i].away
-                else matter_moved(start[i], bodies[i], self.solver.points[own], gaps.triangle[own])
-            )
-            far = far if way is None else max(far, float(np.sqrt((way * way).sum(axis=1)).max()))
-        return far
+            yield own, matter_moved(start[i], gaps.bodies[i], self.solver.points[own], gaps.triangle[own])
 
     # -- the first touch -----------------------------------------------------------------------------------------
 
@@ -254,7 +256,7 @@ class SubStepper:
             return self._first_touch(came, bodies)
         start: list[ContactBody] = list(bodies)
         for index in sorted(set(gaps.body[gaps.body >= 0].tolist())):
-            far = self._retreat(bodies[index])
+            far = way_out(self.solver, bodies[index], self.deepest)
             if far is not None:
                 start[index] = lowered(bodies[index], far)
             else:
@@ -290,30 +292,6 @@ class SubStepper:
                     found[i] = self._first_touch([came], [body])[0]
         return found
 
-    def _retreat(self, body: ContactBody) -> float | None:
-        """Return the distance by which a body must be lowered for the finger to be outside [m].
-
-        None if it exceeds the bone.
-        """
-        far = self._above(body, self.solver.pad, self.deepest)
-        for _ in range(SEARCHES):
-            inside = -self._gap([lowered(body, far)])
-            if inside <= OUTSIDE:
-                return far
-            far += inside
-            if far > self.deepest:
-                return None
-        return None
-
-    def _above(self, body: ContactBody, points: Array, height: float) -> float:
-        """Return the largest height of a body's upper faces above points of the pad, up to a given height [m]."""
-        if not isinstance(body.surface, Surface) or not body.surface.closed:
-            return 0.0
-        up = self.solver.bone * (height / np.linalg.norm(self.solver.bone))
-        high, low = ((p - body.translation) @ body.rotation for p in (points + up, points))
-        triangle, share = first_crossing(body.surface.table, high, low)
-        return float(((1.0 - share) * (triangle >= 0)).max()) * height
-
     def _first_touch(self, before: Sequence[ContactBody], bodies: Sequence[ContactBody]) -> list[ContactBody]:
         """Interpolate the bodies from a state without contact to first contact, in steps of the smallest gap."""
         share, both = 0.0, list(zip(before, bodies, strict=True))
@@ -336,7 +314,7 @@ class SubStepper:
     def _felt(self, bodies: Sequence[ContactBody]) -> list[ContactBody]:
         """Return the bodies; those that are ignored are `AWAY`."""
         for index in self._left:
-            if index >= len(bodies) or not (bodies[index].away or self._in_or_above(bodies[index])):
+            if index >= len(bodies) or not (bodies[index].away or in_or_above(self.solver, bodies[index])):
                 self._left -= {index}
         return [AWAY if index in self._left else body for index, body in enumerate(bodies)]
 
@@ -364,24 +342,6 @@ class SubStepper:
         self._left |= {index}
         self._warn(code, what + UNFELT, remedy)
 
-    def _in_or_above(self, body: ContactBody) -> bool:
-        some = self.solver.pad[:: max(len(self.solver.pad) // WAYS, 1)]
-        if self._gap([body]) < -OUTSIDE or self._above(body, some, ABOVE) > 0.0:
-            return True
-        return isinstance(body.surface, Surface) and self._within(body, body.surface)
-
-    def _within(self, body: ContactBody, surface: Surface) -> bool:
-        """Return whether a face's corner is inside the finger: nearer to the bone than the skin in the same direction.
-
-        A vertex without a face bounds nothing.
-        """
-        corners = surface.triangles[:: len(surface.triangles) // VERTICES + 1, 0]
-        some = surface.vertices[corners] @ body.rotation.T + body.translation - self.solver.bone
-        skin = self.solver.pad - self.solver.bone
-        far, deep = (np.sqrt(np.einsum("ij,ij->i", v, v)) for v in (some, skin))
-        line = (some @ skin.T) / np.maximum(far[:, None] * deep, 1e-300)
-        return bool((far < deep[line.argmax(axis=1)])[line.max(axis=1) > IN_LINE].any())
-
     def _through(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
         gaps = step.gaps
         if gaps is None or not -gaps.gap.min() > self.deepest:
@@ -390,7 +350,7 @@ class SubStepper:
         gone = {int(i) for i in deep if _outside_bone(bodies[i], self.solver.bone)}
         if not gone:
             return step
-        over = self._lowered(gone, bodies)
+        over = ways_out(self.solver, gone, bodies, self.deepest)
         for index in gone - over.keys():
             self._leave(index, "passed-through", THROUGH, "Raise the finger")
         if not over:
@@ -402,7 +362,7 @@ class SubStepper:
     def _slid_past(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
         """Press bodies again from below that the skin has slid past; ignore those that it slides past once more."""
         pulling = self._press.pulling(step, self.solver.inward)
-        over = self._lowered(pulling, bodies) if pulling else {}
+        over = ways_out(self.solver, pulling, bodies, self.deepest) if pulling else {}
         if over:
             step = self._anew(dict.fromkeys(over, max(over.values())), self._felt(bodies))
             pulling = self._press.pulling(step, self.solver.inward)
@@ -411,16 +371,6 @@ class SubStepper:
         for index in pulling:
             self._leave(index, "passed-through", PAST, LESS)
         return self._last(self._felt(bodies)) if pulling else step
-
-    def _lowered(self, some: Iterable[int], bodies: Sequence[ContactBody]) -> dict[int, float]:
-        """Return the distance by which bodies must be lowered for the finger to be outside [m], by their index.
-
-        Bodies that are in the finger or above it even farther down are left out. Where a body just touches the skin,
-        the points of the pad cannot tell whether one of its vertices is inside.
-        """
-        ways, more = {i: self._retreat(bodies[i]) for i in some}, self.solver.search_radius
-        found = {i: far for i, far in ways.items() if far is not None}
-        return {i: far for i, far in found.items() if not self._in_or_above(lowered(bodies[i], far + more))}
 
     def _anew(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:
         """Press bodies again from below.
@@ -450,5 +400,4 @@ def _rub(bodies: Sequence[ContactBody]) -> bool:
 
 
 def _outside_bone(body: ContactBody, bone: Array) -> bool:
-    local = ((bone - body.translation) @ body.rotation)[None]
-    return isinstance(body.surface, Surface) and float(body.surface.query(local).gap[0]) > 0.0
+    return isinstance(body.surface, Surface) and float(body.surface.query(body.local(bone)[0][None]).gap[0]) > 0.0

@@ -208,54 +208,43 @@ def test_a_linear_model_is_solved_in_one_step(device):
     assert found.kkt <= 1e-7, "relative to the target: the direction of a rounding is no doubt"
 
 
-def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
-    """A target far outside of the workspace, against scipy's SLSQP from the same start."""
+def nearest(device, goal, scale):
+    """The pose nearest to a goal, and what scipy's SLSQP finds from the same start."""
     from scipy.optimize import minimize
 
+    found = minimise(
+        lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, most_steps=60, most_evaluations=200
+    )
+    other = minimize(
+        lambda y: 0.5 * ((y - goal) ** 2).sum(),
+        NEUTRAL / scale,
+        jac=lambda y: y - goal,
+        method="SLSQP",
+        constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale, *device.servo_limits)},
+        options={"ftol": 1e-13, "maxiter": 300},
+    )
+    assert found.room.min() >= 0.0 and found.kkt < 0.02 and found.cost <= other.fun * (1 + 2e-3)
+    return found, other
+
+
+def test_the_minimum_at_a_servo_limit_equals_a_general_solver(device):
+    """A target far outside of the workspace, against scipy's SLSQP from the same start."""
     scale = np.array([1.0, 1.0, device.platform_radius])
     for wanted in ([1.0, 0.2, 0.018], [0.1, -0.9, 0.021], [-0.6, 0.8, 0.008]):
-        goal = np.array(wanted) / scale
-        found = minimise(
-            lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, most_steps=60, most_evaluations=200
-        )
-        other = minimize(
-            lambda y, to: 0.5 * ((y - to) ** 2).sum(),
-            NEUTRAL / scale,
-            (goal,),
-            jac=lambda y, to: y - to,
-            method="SLSQP",
-            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale, *device.servo_limits)},
-            options={"ftol": 1e-13},
-        )
-        assert found.room.min() >= 0.0 and found.active
-        assert found.kkt < 0.02
-        assert found.cost <= other.fun * (1 + 2e-3)
+        found, other = nearest(device, np.array(wanted) / scale, scale)
+        assert found.active
         np.testing.assert_allclose(found.x / scale, other.x, atol=0.03)
 
 
 def test_a_target_beyond_a_singular_pose_ends_at_the_least_singularity_margin(device):
     """The mechanism's seventh limit, against SLSQP; the six of the servos alone would let it pass."""
-    from scipy.optimize import minimize
-
     scale = np.array([1.0, 1.0, device.platform_radius])
     for pitch, roll, z in ((36.0, -24.0, 0.0176), (36.5, 2.0, 0.017), (-33.0, -21.0, 0.0165)):
         goal = np.array([np.radians(pitch), np.radians(roll), z]) / scale
         room = device.constraints(goal * scale, *device.servo_limits)
         assert room[:6].min() > 0 > room[6]
-        found = minimise(
-            lambda x: (x / scale, np.diag(1 / scale)), goal, NEUTRAL, device, most_steps=60, most_evaluations=200
-        )
-        other = minimize(
-            lambda y, to: 0.5 * ((y - to) ** 2).sum(),
-            NEUTRAL / scale,
-            (goal,),
-            jac=lambda y, to: y - to,
-            method="SLSQP",
-            constraints={"type": "ineq", "fun": lambda y: device.constraints(y * scale, *device.servo_limits)},
-            options={"ftol": 1e-13, "maxiter": 300},
-        )
-        assert found.room.min() >= 0.0 and GIVES_WAY in found.active and found.kkt < 0.02
-        assert found.cost <= other.fun * (1 + 2e-3)
+        found, _ = nearest(device, goal, scale)
+        assert GIVES_WAY in found.active
         turned = device.forward(inverse_kinematics(device, *found.x)[0], NEUTRAL)
         np.testing.assert_allclose(turned, found.x, atol=1e-9)
 

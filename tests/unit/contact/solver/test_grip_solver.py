@@ -121,8 +121,6 @@ def test_nothing_touching_is_dropped(skin):
 
 
 def test_what_cannot_be_held_is_refused(skin):
-    finger = HoldingFinger(skin.compliance, nodes_of(skin))
     block = setup(skin, 0.05)[0].solver.surface
-    for mass, fingers in ((-0.1, [finger]), (np.nan, [finger]), (0.1, [])):
-        with pytest.raises(DermisError, match="held object|hold the object"):
-            LoneGrip(block, mass, fingers, MU, GRAVITY)
+    with pytest.raises(DermisError, match="hold the object"):
+        LoneGrip(block, 0.1, [], MU, GRAVITY)

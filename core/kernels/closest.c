@@ -5,7 +5,8 @@
 
    On a convex body a triangle is the closest one if it is closer than its neighbours. The search then walks from
    triangle to triangle, downhill from the hint, and needs no tree. Where it cannot exclude that another triangle is
-   equally close, the tree decides. */
+   equally close, the tree decides. Where there is no hint, or the closest triangle is far from it, the walk begins where
+   the nearest boxes of the tree lead. */
 #include "closest.h"
 
 #include "boxes.h"
@@ -22,8 +23,9 @@
 #define TIES 32
 /* A weight up to this counts as zero: the closest point is then on an edge or a corner. */
 #define ON_FEATURE 1e-9
-/* Largest number of triangles on a walk, and largest distance of a point for which it decides [m]. */
-#define STEPS 8
+/* Largest number of steps of a walk: as many take nearly as long as the tree. FARTHEST_WALK: largest distance of a point
+   for which it decides [m]. */
+#define STEPS 4
 #define FARTHEST_WALK 10e-3
 /* A body with triangles that rise above the plane of another one by more than this share of its size is not convex.
    Boxes of triangles in the plane do not rise so far, with all rounding errors of single precision. */
@@ -342,7 +344,31 @@ static int only(const hit *found, const hit *next, int edge, int edge_of_next, d
     return times * distance <= FARTHEST_WALK && clear(found, area[0], edge, square) && (edge < 0 || clear(next, area[1], edge_of_next, square));
 }
 
-int dermis_walk_to_closest(const dermis_tree *tree, const int64_t *beside, double bulge, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
+/* Return the slot of a triangle that is near a point: go down the tree to the nearest box of each node; -1 if it is empty. */
+static int64_t dive(const dermis_tree *tree, const double *x) {
+    int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES, node = 0, best = -1;
+    float least[DERMIS_LANES], nearest = __builtin_inff();
+    dermis_place place;
+    if (!dermis_placed(tree, x, &place)) return -1;
+    while (node < inner) {
+        int child = 0;
+        dermis_away(tree->boxes + node * DERMIS_BOXES, &place, least);
+        for (int k = 1; k < DERMIS_LANES; k++)
+            if (least[k] < least[child]) child = k;
+        node = 4 * node + 1 + child;
+    }
+    int64_t j = node - inner, low = j * blocks >> 2 * tree->depth, high = (j + 1) * blocks >> 2 * tree->depth;
+    for (int64_t b = low; b < high; b++) {
+        dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, &place, least);
+        for (int k = 0; k < DERMIS_LANES && b * DERMIS_LANES + k < tree->count; k++)
+            if (least[k] < nearest) nearest = least[k], best = b * DERMIS_LANES + k;
+    }
+    return best;
+}
+
+/* Walk from a slot to the closest triangle; return 1 or 0 as `dermis_find_closest` does, -1 if it is not decided, and -2 if
+   it is farther than STEPS. */
+static int descend(const dermis_tree *tree, const int64_t *beside, double bulge, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
     hit found = measured(tree, x, *slot);
     for (int step = 0; step < STEPS; step++) {
         double weights[3] = {dermis_most(1.0 - found.u - found.w, 0.0), found.u, found.w};
@@ -370,5 +396,12 @@ int dermis_walk_to_closest(const dermis_tree *tree, const int64_t *beside, doubl
         if (over.row[NUMBER] < found.row[NUMBER]) found = over, *slot = next;
         return answer(&found, *slot, out);
     }
-    return -1;
+    return -2;
+}
+
+int dermis_walk_to_closest(const dermis_tree *tree, const int64_t *beside, double bulge, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
+    int found = *slot < 0 ? -2 : descend(tree, beside, bulge, x, limit, slot, out);
+    if (found != -2) return found;
+    *slot = dive(tree, x);
+    return *slot < 0 ? -1 : descend(tree, beside, bulge, x, limit, slot, out);
 }

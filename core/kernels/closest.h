@@ -25,7 +25,7 @@ double dermis_bulge(const dermis_tree *tree);
 /* Find the closest triangle of a point on a convex body, as `dermis_find_closest` does; return -1 if it is not decided.
 
    beside: slot of the neighbour at each edge of the triangle in each slot, -1 for none (count, 3). bulge: see `dermis_bulge`, finite.
-   slot: in, where the walk begins; out, where it ended. */
+   slot: in, where the walk begins, or -1; out, where it ended, or -1. */
 int dermis_walk_to_closest(const dermis_tree *tree, const int64_t *beside, double bulge, const double *x, double limit, int64_t *slot, dermis_closest_point *out);
 
 /* Function that is called with the row of a triangle, see triangle.h. It returns the squared radius of the rest of

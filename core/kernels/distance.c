@@ -124,7 +124,8 @@ int dermis_beyond(const dermis_body *body, const double *x, double limit) {
 
 /* Find the closest triangle; see `dermis_find_closest`. */
 static int find(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_closest_point *out) {
-    if (body->beside != NULL && body->bulge <= DBL_MAX && !body->by_rays && hint >= 0 && hint < body->tree->count) {
+    if (hint >= body->tree->count) hint = -1;
+    if (body->beside != NULL && body->bulge <= DBL_MAX && !body->by_rays) {
         int found = dermis_walk_to_closest(body->tree, body->beside, body->bulge, x, limit, &hint, out);
         if (found >= 0) return found;
     }

@@ -171,15 +171,13 @@ static int edges_near(const dermis_survey *s, const double *at, const double *in
     return 0;
 }
 
-/* Return the direction in which a cell is divided, 0 for none.
+/* Return the direction in which a cell is divided for a body that is below it, or up to `beyond` beside it; 0 for none.
 
    The first four test points show whether the body is curved at the cell itself. The second four are farther out: they
    show edges beside the cell. */
-static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, const dermis_sight *middle, dermis_sight *hints, double height) {
-    const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
+static int64_t way_below(const dermis_survey *s, int64_t cell, const double *at, const double *inward, const dermis_sight *middle, dermis_sight *hints, double height) {
     footprint of = {.middle = height, .steps = s->posed[middle->body].body != NULL};
     double nearest = height, corners[24];
-    if (halved[0] >= s->finest && halved[1] >= s->finest) return 0;
     corners_of(s, cell, s->corners, 0.0, corners);
     corners_of(s, cell, 0.5, s->beyond, corners + 12);
     if (!s->thorough && flat(s, cell, at, corners, 8, middle)) return 0;
@@ -188,11 +186,37 @@ static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, co
     for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of.gap[corner]);
     if (nearest >= s->limits[cell]) return 0;
     int64_t way = apart(&of) > s->turned || bent(s, &of, corners) > s->bent ? leaning_of(s, cell, &of, corners) : 0;
-    double inward[3];
-    for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
-    if (!edges_near(s, at, inward, corners, 8, middle)) return some[way];
+    if (!edges_near(s, at, inward, corners, 8, middle)) return way;
     look_about(s, cell, corners + 12, *middle, hints + 4, &of);
     if (apart(&of) > s->edge) way |= leaning_of(s, cell, &of, corners + 12);
+    return way;
+}
+
+/* Return the direction in which a cell is divided for an edge up to `beyond` beside the place to which it was dragged. */
+static int64_t way_dragged(const dermis_survey *s, int64_t cell, const double *at, const double *inward, const dermis_sight *middle, dermis_sight *hints, double height) {
+    footprint of = {.middle = height, .steps = s->posed[middle->body].body != NULL};
+    double corners[12], there[3], shift[3], along = dermis_dot(s->drag, inward);
+    dermis_sight sight = *middle;
+    corners_of(s, cell, 0.5, s->beyond, corners);
+    for (int k = 0; k < 3; k++) shift[k] = s->drag[k] - along * inward[k], there[k] = at[k] + shift[k], of.normal[0][k] = middle->normal[k];
+    sight.gap += dermis_dot(shift, sight.normal);
+    if (!s->thorough && flat(s, cell, there, corners, 4, &sight)) return 0;
+    if (!edges_near(s, there, inward, corners, 4, &sight)) return 0;
+    for (int corner = 0; corner < 4; corner++)
+        for (int k = 0; k < 3; k++) corners[3 * corner + k] += shift[k];
+    look_about(s, cell, corners, *middle, hints, &of);
+    return apart(&of) > s->edge ? leaning_of(s, cell, &of, corners) : 0;
+}
+
+/* Return the direction in which a cell is divided, 0 for none. hints: what was closest to test points before (12). */
+static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, const dermis_sight *middle, dermis_sight *hints, double height) {
+    const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
+    double inward[3];
+    if (halved[0] >= s->finest && halved[1] >= s->finest) return 0;
+    for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
+    int64_t way = way_below(s, cell, at, inward, middle, hints, height);
+    int drags = s->drag[0] != 0.0 || s->drag[1] != 0.0 || s->drag[2] != 0.0;
+    if (!way && drags) way = way_dragged(s, cell, at, inward, middle, hints + 8, height);
     return some[way];
 }
 
@@ -213,8 +237,8 @@ static int walk(dermis_survey *s, int64_t many) {
     for (int64_t i = 0; i < count; i++) cells[i] = i;
     while (count) {
         int64_t after = 0;
-        dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1}, hints[8];
-        for (int i = 0; i < 8; i++) hints[i] = sight;
+        dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1}, hints[12];
+        for (int i = 0; i < 12; i++) hints[i] = sight;
         for (int64_t i = 0; i < count; i++) {
             int64_t cell = cells[i], way = 0;
             double x[3], inward[3], height;

@@ -60,7 +60,8 @@ INVARIANCE = {
 # have others: forces are off in the first order of their length, by 1 % where it is .1 mm (a ball of 1 mm pressed .2 mm
 # deep with a friction of 3: 1.4 %, .8, .3 and .1 % for .1 mm, its half, quarter and eighth). That is the law of the row
 # `rate` above, and its limit. Until then this was held to 0.2 % in every case, less than `SAME` allows two solutions of
-# one problem.
+# one problem. A frame by the neo-Hookean law is solved to `LAW`, and two rates come to it from other frames.
+LAW = 3e-3  # of the force, see `core/contact/solver/law_skin.py`
 RATE = {"frictionless": SAME, "friction": dict.fromkeys(GOAL, INVARIANCE["rate"])}
 
 # -- parts -------------------------------------------------------------------------------------------------------------

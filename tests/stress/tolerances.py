@@ -55,12 +55,13 @@ INVARIANCE = {
     "gradient": 0.01,  # force against -dU/d(pose), of the largest force
 }
 
-# Sampled twice as often, 240 against 480 samples a second, at the samples that both have. Without friction both solve one
-# problem in each sample. With friction the force depends on the way, which is followed in sub-steps, and other samples
-# have others: forces are off in the first order of their length, by 1 % where it is .1 mm (a ball of 1 mm pressed .2 mm
-# deep with a friction of 3: 1.4 %, .8, .3 and .1 % for .1 mm, its half, quarter and eighth). That is the law of the row
-# `rate` above, and its limit. Until then this was held to 0.2 % in every case, less than `SAME` allows two solutions of
-# one problem. A frame by the neo-Hookean law is solved to `LAW`, and two rates come to it from other frames.
+# Sampled twice as often, 240 against 480 samples a second, at the samples that both have. Without friction both solve
+# one problem in each sample. With friction the force depends on the way, which is followed in sub-steps, and other
+# samples have others: forces are off in the first order of their length, by 1 % where it is .1 mm (a ball of 1 mm
+# pressed .2 mm deep with a friction of 3: 1.4 %, .8, .3 and .1 % for .1 mm, its half, quarter and eighth). That is
+# the law of the row `rate` above, and its limit. Until then this was held to 0.2 % in every case, less than `SAME`
+# allows two solutions of one problem. A frame by the neo-Hookean law is solved to `LAW`, and two rates come to it
+# from other frames.
 LAW = 3e-3  # of the force, see `core/contact/solver/law_skin.py`
 RATE = {"frictionless": SAME, "friction": dict.fromkeys(GOAL, INVARIANCE["rate"])}
 

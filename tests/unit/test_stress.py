@@ -12,7 +12,7 @@ import pytest
 
 from core.surface.gap import Surface
 from tests.stress import __main__ as command
-from tests.stress import families, invariances, known, run
+from tests.stress import families, invariances, known, run, tolerances
 from tests.stress.__main__ import FAMILIES, main, table, unseen, value_of
 from tests.stress.__main__ import costly as told_per_thousand
 from tests.stress.case import Dice, Family, Values, Verdict, apart
@@ -272,6 +272,13 @@ def test_a_drag_turns_at_samples_that_half_the_rate_knows() -> None:
     middle = 0.5 * (way[:-2:2] + way[2::2])
     assert np.abs(middle - way[1:-1:2]).max() < 1e-12
     assert way[:, 0].max() == pytest.approx(2e-3) and way[:, 0].min() == pytest.approx(-2e-3)
+
+
+@pytest.mark.parametrize(("seed", "more"), [(35112967, 0.0), (35113055, 2.0 * tolerances.LAW)])
+def test_two_rates_may_differ_by_no_less_than_two_solutions_of_one_problem(seed: int, more: float) -> None:
+    values = BY_NAME["rate"].values(seed)
+    found, limit = judged(BY_NAME["rate"], values).measured["rate"]
+    assert found < limit and limit >= tolerances.SAME[str(values["contact"])] + more
 
 
 def test_facts_of_several_paths_are_the_worst_of_them() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from core.surface.gap import Surface
 from tests.stress import __main__ as command
-from tests.stress import families, invariances, known, run, tolerances
+from tests.stress import families, invariances, known, run
 from tests.stress.__main__ import FAMILIES, main, table, unseen, value_of
 from tests.stress.__main__ import costly as told_per_thousand
 from tests.stress.case import Dice, Family, Values, Verdict, apart
@@ -23,6 +23,7 @@ from tests.stress.job import judge, verdicts_of
 from tests.stress.known import CHANCE, COVERED, KNOWN, MENDED, Known, beyond, chance, too_wide
 from tests.stress.paths import PLAIN, Press, dragged, pressing
 from tests.stress.run import judged, simple
+from tests.stress.tolerances import LAW, SAME
 
 pytestmark = pytest.mark.one_line("3.13", "a tool of developers: the product does not use it")
 
@@ -274,11 +275,11 @@ def test_a_drag_turns_at_samples_that_half_the_rate_knows() -> None:
     assert way[:, 0].max() == pytest.approx(2e-3) and way[:, 0].min() == pytest.approx(-2e-3)
 
 
-@pytest.mark.parametrize(("seed", "more"), [(35112967, 0.0), (35113055, 2.0 * tolerances.LAW)])
+@pytest.mark.parametrize(("seed", "more"), [(35112967, 0.0), (35113055, 2.0 * LAW)])
 def test_two_rates_may_differ_by_no_less_than_two_solutions_of_one_problem(seed: int, more: float) -> None:
     values = BY_NAME["rate"].values(seed)
     found, limit = judged(BY_NAME["rate"], values).measured["rate"]
-    assert found < limit and limit >= tolerances.SAME[str(values["contact"])] + more
+    assert found < limit and limit >= SAME[str(values["contact"])] + more
 
 
 def test_facts_of_several_paths_are_the_worst_of_them() -> None:

@@ -201,7 +201,8 @@ class CompliantBone:
         if step.sums.slide > self._range.slide:
             self._notes.warn(
                 "slid-far",
-                f"the finger is dragged farther than {self._tissue} skin is trusted",
+                f"the finger is dragged farther than {self._tissue} skin is trusted, and its force may depend on the "
+                "sample rate",
                 scene_frame,
                 value=f"{1e3 * step.sums.slide:.2f} mm",
                 limit=f"<= {1e3 * self._range.slide:.3g} mm",

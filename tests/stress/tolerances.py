@@ -1,4 +1,5 @@
 """What each law of the stress suite is held to. Set before any outcome was looked at; a miss is a defect, not a reason.
+One limit was set anew later, `RATE`, which says why.
 
 Forces of two answers are compared as |F - F'| over the largest |F| of the history, F the resultant on the skin. What
 two solutions of one problem may differ by follows from `GOAL`, the residual |f - P(f - w / own)| / |f| that frames were
@@ -28,7 +29,6 @@ AGAIN = 1e-2  # a pose come back to, on a way of jumps and with time reversed
 
 # -- the same touch said otherwise: two solutions of one problem -------------------------------------------------------
 SAME = {kind: 3.0 * goal for kind, goal in GOAL.items()}
-RATE = 2e-3  # sampled twice as often, at the samples that both have
 DRIFT = {"frictionless": SAME, "friction": {"nodes": 2e-2, "points": 2e-2}}  # a cycle against one long before
 
 # -- invariances: what must not matter -----------------------------------------------------------------------------
@@ -54,6 +54,16 @@ INVARIANCE = {
     "work": 0.01,  # without friction, over a closed path, of the largest energy
     "gradient": 0.01,  # force against -dU/d(pose), of the largest force
 }
+
+# Sampled twice as often, 240 against 480 samples a second, at the samples that both have. Without friction both solve
+# one problem in each sample. With friction the force depends on the way, which is followed in sub-steps, and other
+# samples have others: forces are off in the first order of their length, by 1 % where it is .1 mm (a ball of 1 mm
+# pressed .2 mm deep with a friction of 3: 1.4 %, .8, .3 and .1 % for .1 mm, its half, quarter and eighth). That is
+# the law of the row `rate` above, and its limit. Until then this was held to 0.2 % in every case, less than `SAME`
+# allows two solutions of one problem. A frame by the neo-Hookean law is solved to `LAW`, and two rates come to it
+# from other frames.
+LAW = 3e-3  # of the force, see `core/contact/solver/law_skin.py`
+RATE = {"frictionless": SAME, "friction": dict.fromkeys(GOAL, INVARIANCE["rate"])}
 
 # -- parts -------------------------------------------------------------------------------------------------------------
 DISTANCE = 1e-9  # of a surface's extent: a gap against the closest of all triangles, one by one

@@ -165,7 +165,10 @@ def judge_rate(values: Values) -> Verdict:
     fine = press.feel(whole, step=float(values["step"]) / 2)
     coarse = press.feel([replace(t, poses=t.poses[::2]) for t in whole], step=float(values["step"]))
     verdict = said(fine, coarse)
-    verdict.hold("rate", apart(coarse.resultant, fine.resultant[::2]), tolerances.RATE)
+    limit = tolerances.RATE["friction" if values["friction"] else "frictionless"][str(values["contact"])]
+    if values["tissue"] != "linear":
+        limit += 2.0 * tolerances.LAW
+    verdict.hold("rate", apart(coarse.resultant, fine.resultant[::2]), limit)
     return verdict
 
 

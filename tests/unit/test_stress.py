@@ -23,6 +23,7 @@ from tests.stress.job import judge, verdicts_of
 from tests.stress.mended import MENDED
 from tests.stress.paths import PLAIN, Press, dragged, pressing
 from tests.stress.run import judged, simple
+from tests.stress.tolerances import LAW, SAME
 
 pytestmark = pytest.mark.one_line("3.13", "a tool of developers: the product does not use it")
 
@@ -181,6 +182,13 @@ def test_a_drag_turns_at_samples_that_half_the_rate_knows() -> None:
     middle = 0.5 * (way[:-2:2] + way[2::2])
     assert np.abs(middle - way[1:-1:2]).max() < 1e-12
     assert way[:, 0].max() == pytest.approx(2e-3) and way[:, 0].min() == pytest.approx(-2e-3)
+
+
+@pytest.mark.parametrize(("seed", "more"), [(35112967, 0.0), (35113055, 2.0 * LAW)])
+def test_two_rates_may_differ_by_no_less_than_two_solutions_of_one_problem(seed: int, more: float) -> None:
+    values = BY_NAME["rate"].values(seed)
+    found, limit = judged(BY_NAME["rate"], values).measured["rate"]
+    assert found < limit and limit >= SAME[str(values["contact"])] + more
 
 
 def test_facts_of_several_paths_are_the_worst_of_them() -> None:

@@ -13,7 +13,8 @@ from core.contact.solver.bodies import ContactBody, travel
 from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.sub_stepper import DEEP_PARTS, FAST_PARTS, MAX_PARTS, PRESSING, SubStepper
 from core.surface.gap import Surface
-from tests.stress.paths import Press
+from tests.stress import tolerances
+from tests.stress.paths import Press, pressing
 
 FRICTION = 0.6
 BONE = 0.006
@@ -337,3 +338,18 @@ def test_what_comes_in_from_the_side_in_one_sample_rubs_as_in_eight(beside: bool
         forces.append(felt[-1] - felt[-2])
     assert np.hypot(*forces[1][:2]) > 0.5 * forces[1][2]
     assert np.linalg.norm(forces[0] - forces[1]) < 0.01 * np.linalg.norm(forces[1])
+
+
+def test_with_friction_forces_converge_as_sub_steps_get_shorter(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ball of 1 mm is pressed .2 mm deep with a friction of 3: skin sticks to it where it first touched."""
+    values = {"level": "draft", "poisson": 0.48, "tissue": "linear", "young": 1e5, "contact": "points"}
+    values |= {"shape": "ball", "size": 1e-3, "angle": 1.5, "facets": 320, "slivers": 0, "mesh_seed": 0}
+    press = Press({**values, "tilt": 20.0, "roll": 6.0, "x": -2.5e-3, "y": 0.5e-3})
+    forces = []
+    for share in (1.0, 0.5, 0.25, 1.0 / 16.0):
+        monkeypatch.setattr("core.contact.solver.sub_stepper.PRESSING", share * PRESSING)
+        monkeypatch.setattr("core.contact.solver.sub_stepper.TURNING", share * PRESSING)
+        forces.append(press.feel([press.thing(pressing(0.22e-3, 5, 0.3e-3), 3.0)]).resultant[-1])
+    off = [float(np.linalg.norm(force - forces[-1])) for force in forces[:-1]]
+    assert 1e-3 * np.linalg.norm(forces[-1]) < off[0] < tolerances.INVARIANCE["rate"] * np.linalg.norm(forces[-1])
+    assert off[1] < off[0] / 1.5 and off[2] < off[1] / 1.5, off

@@ -230,7 +230,7 @@ typedef struct {
     const double *limits;        /* a cell may touch if its gap is below this (cells) [m] */
     const double *longs;         /* longer side (cells) [m] */
     double turned, edge, bent, corners, beyond, beside, odd, above, deep, steep; /* see point_tree.py */
-    double drag[3];         /* mean displacement of the skin that carries force [m]; 0: it does not matter */
+    double drag[3];              /* mean displacement of the skin that carries force [m]; 0 if it does not matter */
     double round;                /* sharpness of bodies without edges */
     int64_t coarsest, many;      /* see point_tree.py */
     int64_t thorough;            /* 1: test points are evaluated even if one flat face is all that is near; the

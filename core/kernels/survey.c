@@ -215,8 +215,7 @@ static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, co
     if (halved[0] >= s->finest && halved[1] >= s->finest) return 0;
     for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
     int64_t way = way_below(s, cell, at, inward, middle, hints, height);
-    int drags = s->drag[0] != 0.0 || s->drag[1] != 0.0 || s->drag[2] != 0.0;
-    if (!way && drags) way = way_dragged(s, cell, at, inward, middle, hints + 8, height);
+    if (!way && dermis_dot(s->drag, s->drag) > 0.0) way = way_dragged(s, cell, at, inward, middle, hints + 8, height);
     return some[way];
 }
 

@@ -84,12 +84,19 @@ def _judged(name: str, on_plane: bool) -> Verdict:
     return BY_NAME[name].judge({**values, "friction": 0.0} if name in WAYS else values)
 
 
+# How far skin is dragged over an edge decides which cells are fine. By its rounding, of 1e-7, one cell is now and then
+# cut a frame sooner, on one of the three processors or another. The forces keep to their limits; the stress is off by
+# so much at most.
+BY_ROUNDING = {"stress": 0.003}
+
 MISSED = pytest.mark.xfail(strict=True, reason="contact hangs on it")
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[MISSED] * (name in TODAY)) for name in BY_NAME])
 def test_what_must_not_matter_does_not(name: str) -> None:
-    assert not judged(name).missed, judged(name).measured
+    verdict = judged(name)
+    missed = [check for check in verdict.missed if verdict.measured[check][0] > BY_ROUNDING.get(check, 0.0)]
+    assert not missed, verdict.measured
 
 
 @pytest.mark.parametrize(("name", "on_plane"), [*((n, False) for n in TODAY), *((n, True) for n in ON_PLANE)])

@@ -29,7 +29,7 @@ from .path_step import PathStep
 from .point_gaps import passed_on
 from .point_reach import PointReach
 from .point_set import PointSet
-from .point_tree import FINEST, MANY, PointTree
+from .point_tree import FINEST, MANY, UNDRAGGED, PointTree
 from .posed_records import corners_about, in_reach
 from .smooth_contact import SmoothContact
 from .succession import succession
@@ -218,7 +218,7 @@ class PointSolver(PathSolver):
         """Return the mean displacement of the skin that carried force, weighted by the forces [m], shape (3,)."""
         size = np.sqrt(along(self._force, self._force))
         total = size.sum()
-        return size @ self._image / total if total > 0.0 else np.zeros(3)
+        return size @ self._image / total if total > 0.0 else UNDRAGGED
 
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
         """Remove and add points; return the former index of each point that stays."""

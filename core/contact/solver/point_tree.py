@@ -5,8 +5,8 @@ normals turn in that direction, or if the gap is not linear over the cell, as at
 object is therefore short across the edge and long along it. Normals and gap are found at four test points, which lie a
 little outside the cell's own corners, so an object's edge between two cells is detected by both.
 
-The cells follow from the positions of the bodies, the skin at rest, and how far the loaded skin is dragged. Skin that
-is dragged over an edge is fine where it lies now. The compiled code is in `core/kernels/survey.c`.
+The cells follow from the positions of the bodies, the skin at rest, and how far the loaded skin is dragged: skin that
+friction has drawn over an edge is fine where it lies now. The compiled code is in `core/kernels/survey.c`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from ...kernels.records import address
 from ...skin.surface_compliance import SurfaceCompliance
 from .bodies import ContactBody
 from .posed_records import ROUND, corners_about, posed_records
-from .within_frame import STILL
 
 # TURNED: a cell is split if two unit normals at its test points differ by more than this (length of the difference).
 # BENT: a cell is split if its gap differs from a linear one by more than this [m].
@@ -44,8 +43,8 @@ ABOVE, DEEP, STEEP = 3e-3, 0.02e-3, 0.3
 CORNERS = 0.75  # distance of the test points from the cell's centre, as a share of each side; 0.5 is the cell's corner
 # An edge of a body beside the cell splits the cell as well, so cells are fine wherever skin slides onto the edge.
 # BEYOND: distance from the cell within which such an edge counts [m].
-# DRAGGED: mean displacement of the loaded skin from which on edges are looked for where the skin was dragged to, too [m];
-# the skin that was dragged less far is within BEYOND.
+# DRAGGED: mean displacement of the loaded skin above which edges are looked for where the skin was dragged to, too [m].
+# Skin that was dragged less far is within BEYOND.
 # EDGE: difference of the unit normals of its two faces above which it counts.
 BEYOND, DRAGGED, EDGE = 1e-3, 0.5e-3, 0.9
 # A cell becomes a contact point if its gap is below NEAR times its size plus MARGIN. The size is the square root of the
@@ -57,6 +56,7 @@ NEAR, MARGIN = 0.4, 0.3e-3
 BESIDE = 0.35
 
 _NONE: Indices = np.zeros(0, dtype=np.int64)
+UNDRAGGED = np.zeros(3)
 _NOT_FINITE = DermisError("a position or force is not finite", where="the skin's cells")
 
 
@@ -96,7 +96,7 @@ class PointTree:
         return record
 
     def survey(
-        self, bodies: Sequence[ContactBody], reach: float, bone: Array, loaded: Indices, drag: Array = STILL.moved
+        self, bodies: Sequence[ContactBody], reach: float, bone: Array, loaded: Indices, drag: Array = UNDRAGGED
     ) -> Indices:
         """Return the cells that may touch, at most `MOST`.
 
@@ -123,7 +123,7 @@ class PointTree:
         record.bodies, record.posed, record.limit, record.finest = len(near), addressof(posed), reach, self._most
         record.room, record.leaves, record.clearance = address(out), address(out[2]), address(clearance)
         record.most = room
-        record.drag[:] = drag.tolist() if drag @ drag > DRAGGED * DRAGGED else (0.0, 0.0, 0.0)
+        record.drag[:] = (drag if drag @ drag > DRAGGED * DRAGGED else UNDRAGGED).tolist()
         if kernels().find_cells(byref(record)) == records.NOT_FINITE:
             raise _NOT_FINITE.changed()
         self.finest = record.finest

@@ -271,7 +271,8 @@ def test_what_is_dragged_over_an_edge_is_no_deeper_for_it(skin):
     lowest = np.array([points[np.abs(points[:, 1] + y) < 0.3e-3, 2].min() for y in way[19:, 1]])
     rises = top - way[19:, 2] - lowest  # of the edge above the skin at rest
     assert rises[-1] < 0.6e-3 < 0.9e-3 < rises[0]
-    assert (np.abs(got.depth[19:] - rises) < 0.5e-3).all() and not got.findings
+    deeper = got.depth[19:] - rises
+    assert deeper.max() < 0.25e-3 and deeper.min() > -0.6e-3 and not got.findings
 
 
 def test_a_soft_object_takes_part_of_the_depth(reference, skin):

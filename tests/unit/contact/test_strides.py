@@ -312,7 +312,8 @@ def test_a_step_that_comes_under_the_finger_is_gone_back_for(on_a_step: tuple[Fe
 
 @pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
 def test_what_is_solved_on_a_step_forgets_what_was_between(on_a_step: tuple[Felt, Felt]) -> None:
-    """Skin that friction draws over the step's edge by more than a millimetre meets it on coarse cells."""
+    """Skin that friction has drawn over the step's edge lets go of it a sample sooner or later."""
     every, once = on_a_step
     # four times as many samples change the force on the step by 5 %
-    assert np.abs(once.total - every.total).max() < 0.03 * np.abs(every.total).max()
+    off = np.abs(once.total - every.total).max(axis=1) / np.abs(every.total).max()
+    assert off.max() < 0.05 and (off > 0.02).sum() <= 1

@@ -20,12 +20,9 @@ import sys
 import tempfile
 import time
 import xml.etree.ElementTree as ElementTree
-from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import nullcontext
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).resolve().parent
 VENV = ROOT / ".venv"
@@ -451,25 +448,17 @@ def test(options: argparse.Namespace) -> int:
     paths = [a for a in options.pytest if not a.startswith("-") and (ROOT / a.split("::")[0]).exists()]
     others = [a for a in options.pytest if a not in paths] + (["--long"] if options.long else [])
     failed = [] if paths else lint(env)
-    mine = {level: [p for p in paths if f"tests/{level}" in Path(p).as_posix()] for level in LEVELS}
-    if not paths:
-        mine = {level: [f"tests/{level}"] for level in LEVELS if (ROOT / "tests" / level).is_dir()}
-    levels, counts = [level for level in LEVELS if mine.get(level)], Counter[str]()
-    # Many tests wait for real time. Beside another Python levels run at once, so that no processor waits with them.
-    at_once = any(a.startswith("--beside") for a in others)
+    counts = {"passed": 0, "failed": 0, "skipped": 0}
     with tempfile.TemporaryDirectory(prefix="dermis-test-") as scratch:
-
-        def run(level: str) -> tuple[bool, str]:
-            path = Path(scratch) / f"{level}.log"
-            with path.open("w", encoding="utf-8") if at_once else nullcontext() as log:
-                return level_passed(env, level, mine[level] + others, Path(scratch), counts, log), str(path)
-
-        with ThreadPoolExecutor(len(levels) if at_once else 1) as pool:
-            for level, (passed, path) in zip(levels, pool.map(run, levels), strict=True):
-                if at_once:
-                    say(Path(path).read_text(encoding="utf-8", errors="replace"))
-                if not passed:
-                    failed.append(level)
+        for level in LEVELS:
+            mine = [p for p in paths if f"tests/{level}" in Path(p).as_posix()] if paths else [f"tests/{level}"]
+            if not mine or not (ROOT / "tests" / level).is_dir():
+                continue
+            passed = level_passed(env, level, mine + others, Path(scratch), counts)
+            if level == "blender":
+                passed &= level_passed(env, level, mine + others, Path(scratch), counts, undo=True)
+            if not passed:
+                failed.append(level)
     if not counts["passed"] and not failed:
         failed.append("no test ran")
     if failed:
@@ -505,33 +494,9 @@ def lint(env: Environment) -> list[str]:
 
 
 def level_passed(
-    env: Environment, level: str, arguments: list[str], scratch: Path, counts: Counter[str], log: IO[str] | None
+    env: Environment, level: str, arguments: list[str], scratch: Path, counts: dict[str, int], *, undo: bool = False
 ) -> bool:
-    """Run pytest on one level in a process of its own and add to the counts; on Blender's, then once more for undo.
-
-    What is printed goes to the log; None for the terminal.
-    """
-    passed = pytest_passed(env, level, arguments, scratch, counts, log)
-    if level == "blender":
-        passed &= pytest_passed(env, level, arguments, scratch, counts, log, undo=True)
-    return passed
-
-
-def pytest_passed(
-    env: Environment,
-    level: str,
-    arguments: list[str],
-    scratch: Path,
-    counts: Counter[str],
-    log: IO[str] | None,
-    *,
-    undo: bool = False,
-) -> bool:
-    """Run pytest on one level and add to the counts; of Blender's, without or with undo."""
-
-    def say(text: str) -> None:
-        print(text, file=log, flush=True)
-
+    """Run pytest on one level in a process of its own and add to the counts; of Blender's, without or with undo."""
     say(f"== {level}" + ", undo" * undo)
     report = scratch / f"{level}{'-undo' * undo}.xml"
     command = [str(env.python), "-m", "pytest", f"--junitxml={report}", "-o", "junit_family=xunit2", "-q"]
@@ -547,10 +512,7 @@ def pytest_passed(
     variables = env.variables(level != "extension", **more)
     for tries in reversed(range(UNDO_TRIES if undo else 1)):
         try:
-            words = command + arguments
-            status = subprocess.run(
-                words, cwd=ROOT, env=variables, timeout=LEVEL_LIMIT, stdout=log, stderr=log
-            ).returncode
+            status = subprocess.run(command + arguments, cwd=ROOT, env=variables, timeout=LEVEL_LIMIT).returncode
         except subprocess.TimeoutExpired:
             say(f"{level}: no end after {LEVEL_LIMIT // 60} minutes")
             return False
@@ -565,7 +527,9 @@ def pytest_passed(
         for key in seen:
             seen[key] += int(suite.get(key, "0"))
     bad = seen["failures"] + seen["errors"]
-    counts.update(failed=bad, skipped=seen["skipped"], passed=seen["tests"] - bad - seen["skipped"])
+    counts["failed"] += bad
+    counts["skipped"] += seen["skipped"]
+    counts["passed"] += seen["tests"] - bad - seen["skipped"]
     return not bad and status in (0, 5)  # 5: none selected, which the total judges
 
 

@@ -63,8 +63,8 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     if shares := session.config.getoption("--shares"):
         names = [f"run {item.nodeid}" for item in session.items]
         names += [f"left {name}" for name in session.config.stash.get(LEFT, [])]
-        with open(shares, "ab", buffering=0) as file:  # in one piece, since several levels write at once
-            file.write("".join(f"{name}\n" for name in names).encode())
+        with open(shares, "a", encoding="utf-8") as file:
+            file.writelines(f"{name}\n" for name in names)
 
 
 def lines_of(items: Sequence[pytest.Item]) -> list[str | None]:

@@ -106,11 +106,17 @@ static inline __attribute__((always_inline)) int walk(const dermis_tree *tree, c
     return 1;
 }
 
+/* Measure a triangle. */
+static hit measured(const double *row, const double *x) {
+    hit own = {.row = row};
+    own.square = dermis_on_triangle(row, x, &own.u, &own.w);
+    return own;
+}
+
 /* Measure a triangle, and store it if it may be the closest one. */
 static double consider(void *state, const double *row) {
     search *found = state;
-    hit own = {0.0, 0.0, 0.0, row};
-    own.square = dermis_on_triangle(row, found->x, &own.u, &own.w);
+    hit own = measured(row, found->x);
     if (!(own.square <= found->bound * (1.0 + TIE))) return found->bound;
     if (own.square < found->least) {
         if (own.square * (1.0 + TIE) < found->least) found->count = 0; /* the stored triangles are all farther */
@@ -127,8 +133,7 @@ static double consider(void *state, const double *row) {
 /* Replace `lowest` by a triangle if this is as close as the closest one and has a lower number. */
 static double consider_number(void *state, const double *row) {
     search *found = state;
-    hit own = {0.0, 0.0, 0.0, row};
-    own.square = dermis_on_triangle(row, found->x, &own.u, &own.w);
+    hit own = measured(row, found->x);
     if (own.square <= found->least * (1.0 + TIE) && (found->lowest.row == NULL || row[NUMBER] < found->lowest.row[NUMBER])) found->lowest = own;
     return found->bound;
 }
@@ -195,9 +200,8 @@ static int look_at_all(const dermis_tree *tree, const double *x, double limit, d
             for (int k = 0; k < 3; k++) d[k] = bounds[k * total + triangle] - x[k];
             if (dermis_root(dermis_dot(d, d)) - bounds[6 * total + triangle] > reach) continue;
             double *row = rows[lowest.row == rows[0]];
-            hit own = {0.0, 0.0, 0.0, row};
             dermis_gather(tree, triangle, row);
-            own.square = dermis_on_triangle(row, x, &own.u, &own.w);
+            hit own = measured(row, x);
             if (pass == 0)
                 least = dermis_least(least, own.square);
             else if (own.square <= least * (1.0 + TIE) && (lowest.row == NULL || row[NUMBER] < lowest.row[NUMBER]))
@@ -276,14 +280,6 @@ static double stop(void *state, const double *row) {
     return -1.0;
 }
 
-/* Compute the unit normal of a triangle, and return twice its area [m^2]. */
-static double twice_area(const double *row, double *normal) {
-    dermis_cross(row + AB, row + AC, normal);
-    double length = dermis_root(dermis_dot(normal, normal));
-    for (int k = 0; k < 3; k++) normal[k] /= length;
-    return length;
-}
-
 double dermis_bulge(const dermis_tree *tree) {
     const double *bounds = tree->bounds;
     double most = 0.0, high = CONVEX * (tree->scale + tree->largest), near = 2.0 * dermis_root(FARTHEST_WALK * high);
@@ -295,7 +291,7 @@ double dermis_bulge(const dermis_tree *tree) {
         skyline of = {.square = radius * radius, .height = 0.0};
         int rises_far = 0;
         for (int k = 0; k < 3; k++) centre[k] = bounds[k * tree->total + j];
-        if (!(twice_area(row, of.plane) > NO_PLANE * dermis_most(row[AB_AB], dermis_most(row[AC_AC], row[BC_BC])))) return __builtin_inf();
+        if (!(dermis_facing(row, of.plane) > NO_PLANE * dermis_most(row[AB_AB], dermis_most(row[AC_AC], row[BC_BC])))) return __builtin_inf();
         of.plane[3] = dermis_dot(row, of.plane) + high;
         dermis_visit(tree, centre, __builtin_inf(), of.plane, stop, &rises_far);
         if (rises_far) return __builtin_inf();
@@ -307,11 +303,7 @@ double dermis_bulge(const dermis_tree *tree) {
 }
 
 /* Measure the triangle in a slot. */
-static hit measured(const dermis_tree *tree, const double *x, int64_t slot) {
-    hit found = {.row = tree->packed + slot * DERMIS_ROW};
-    found.square = dermis_on_triangle(found.row, x, &found.u, &found.w);
-    return found;
-}
+static hit measured_in(const dermis_tree *tree, const double *x, int64_t slot) { return measured(tree->packed + slot * DERMIS_ROW, x); }
 
 /* Whether the closest point of a triangle is farther than a margin from its edges, except edge `but` (-1: none).
 
@@ -331,11 +323,11 @@ static int clear(const hit *of, double area, int but, double square) {
    squared distance is therefore at least d^2 + s^2 - 2 b d. Beside an edge, b is multiplied by a + c, where the direction
    to x is a times the one normal plus c times the other. edge: of `found` on which the closest point lies, -1 for none. */
 static int only(const hit *found, const hit *next, int edge, int edge_of_next, double bulge, const double *x) {
-    double distance = dermis_root(found->square), times = 1.0, facing[2][3], area[2] = {twice_area(found->row, facing[0]), 0.0}, v[3];
+    double distance = dermis_root(found->square), times = 1.0, facing[2][3], area[2] = {dermis_facing(found->row, facing[0]), 0.0}, v[3];
     for (int k = 0; k < 3; k++) v[k] = x[k] - found->row[k];
     if (!(dermis_dot(v, facing[0]) > 0.0)) return 0;
     if (edge >= 0) {
-        area[1] = twice_area(next->row, facing[1]);
+        area[1] = dermis_facing(next->row, facing[1]);
         times = 2.0 / dermis_most(1.0 + dermis_dot(facing[0], facing[1]), 1e-6);
         for (int k = 0; k < 3; k++) v[k] = x[k] - next->row[k];
         if (!(dermis_dot(v, facing[1]) > 0.0)) return 0;
@@ -369,7 +361,7 @@ static int64_t dive(const dermis_tree *tree, const double *x) {
 /* Walk from a slot to the closest triangle; return 1 or 0 as `dermis_find_closest` does, -1 if it is not decided, and -2 if
    it is farther than STEPS. */
 static int descend(const dermis_tree *tree, const int64_t *beside, double bulge, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
-    hit found = measured(tree, x, *slot);
+    hit found = measured_in(tree, x, *slot);
     for (int step = 0; step < STEPS; step++) {
         double weights[3] = {dermis_most(1.0 - found.u - found.w, 0.0), found.u, found.w};
         int feature = feature_of(weights), first = feature < 4 ? feature - 1 : feature - 4, other = feature < 4 ? first : (first + 2) % 3;
@@ -379,9 +371,9 @@ static int descend(const dermis_tree *tree, const int64_t *beside, double bulge,
         }
         int64_t next = beside[3 * *slot + first], beyond = beside[3 * *slot + other];
         if (next < 0 || beyond < 0) return -1;
-        hit over = measured(tree, x, next);
+        hit over = measured_in(tree, x, next);
         if (other != first) {
-            hit second = measured(tree, x, beyond);
+            hit second = measured_in(tree, x, beyond);
             if (second.square < over.square) over = second, next = beyond;
         }
         if (over.square * (1.0 + TIE) < found.square) {

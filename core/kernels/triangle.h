@@ -22,11 +22,12 @@ static inline void dermis_gather(const dermis_tree *tree, int64_t triangle, doub
     row[NUMBER] = (double)triangle;
 }
 
-/* Compute the unit normal of a triangle. */
-static inline void dermis_facing(const double *row, double *out) {
+/* Compute the unit normal of a triangle; return twice its area [m^2]. */
+static inline double dermis_facing(const double *row, double *out) {
     dermis_cross(row + AB, row + AC, out);
     double length = dermis_root(dermis_dot(out, out));
     for (int k = 0; k < 3; k++) out[k] /= length;
+    return length;
 }
 
 /* Compute the weights of corners b and c for a point of the plane, from its dot products with ab and ac, seen from

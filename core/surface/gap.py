@@ -52,8 +52,8 @@ FEW = 16
 # queried points exceeds PAYS times the number of triangles of a closed surface, all its triangles are tested; if the
 # surface is not `tangled`, no more rays are cast. This changes the run time only.
 PAYS = 1 / 6
-# Once kernels have taken a surface this often, its convexity is found out. That takes as long as a few frames of
-# contact, so a shape that lasts for one frame is left alone. This changes the run time only.
+# The eighth time that kernels take a surface, it is tested for convexity. The test takes as long as a few frames of
+# contact, so it does not pay for a shape that lasts for one frame. This changes the run time only.
 OFTEN = 8
 # A surface of more solids than this is measured as a whole, because measuring every solid would take longer than a ray.
 MOST_SOLIDS = 64

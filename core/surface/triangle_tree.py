@@ -70,7 +70,11 @@ class TriangleTree:
         return type(self), (self._table, self._topology, self._among)  # records hold addresses: a copy makes its own
 
     def neighbours(self, topology: Topology) -> Indices:
-        """Return the slot of the triangle across each edge of that in each slot, shape (count, 3); -1 for none."""
+        """Return the slot of the neighbour at each edge of each triangle, in the order of slots; -1 for none.
+
+        Returns:
+            Indices of slots, shape (count, 3).
+        """
         slots = np.full(self.record.total + 1, -1)  # the last one is for edges without a neighbour
         slots[self.order] = np.arange(len(self.order))
         return slots[topology.across[self.order]]

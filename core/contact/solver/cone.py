@@ -22,6 +22,18 @@ def along(vectors: Array, normals: Array) -> Array:
     return np.einsum("ij,ij->i", vectors, normals)
 
 
+def mean_displacement(force: Array, displacement: Array) -> Array:
+    """Return the mean displacement of nodes, weighted by the sizes of their forces [m], shape (3,); 0 without force.
+
+    Args:
+        force: forces [N], shape (k, 3).
+        displacement: displacements [m], shape (k, 3).
+    """
+    size = np.sqrt(along(force, force))
+    total = size.sum()
+    return np.asarray(size @ displacement / total) if total > 0.0 else np.zeros(3)
+
+
 def carrying(force: Array) -> NDArray[np.bool_]:
     """Return which nodes carry force, shape (k,), for forces [N], shape (k, 3).
 

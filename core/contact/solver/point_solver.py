@@ -21,7 +21,7 @@ from ...skin.surface_compliance import SurfaceCompliance
 from ...surface.plane import Plane
 from .bodies import ContactBody, NodeGaps, least_gaps, paired, same_places, travel
 from .compliance import own_compliance
-from .cone import along
+from .cone import mean_displacement
 from .history import ContactHistory
 from .law_skin import LawSkin
 from .path_solver import BONE, DEPTH_LIMIT, TOLERANCE, PathSolver
@@ -29,7 +29,7 @@ from .path_step import PathStep
 from .point_gaps import passed_on
 from .point_reach import PointReach
 from .point_set import PointSet
-from .point_tree import FINEST, MANY, UNDRAGGED, PointTree
+from .point_tree import FINEST, MANY, PointTree
 from .posed_records import corners_about, in_reach
 from .smooth_contact import SmoothContact
 from .succession import succession
@@ -206,19 +206,14 @@ class PointSolver(PathSolver):
 
         They are found by a survey of the tree.
         """
-        found = self._tree.survey(bodies, REACH, self.bone, self.cells[self.loaded], self._drag())
+        drag = mean_displacement(self._force, self._image)
+        found = self._tree.survey(bodies, REACH, self.bone, self.cells[self.loaded], drag)
         self._asked = bodies
         leaving, entering = self._points.difference(found)
         if len(leaving) or len(entering):
             tiles, left = self.surface.chart.tiles, self.cells[leaving]
             force, main = succession(tiles, left, leaving, entering, self._force)
             self._inherit(force, main, self._change(leaving, entering))
-
-    def _drag(self) -> Array:
-        """Return the mean displacement of the skin that carried force, weighted by the forces [m], shape (3,)."""
-        size = np.sqrt(along(self._force, self._force))
-        total = size.sum()
-        return size @ self._image / total if total > 0.0 else UNDRAGGED
 
     def _change(self, leaving: Indices, entering: Indices) -> Indices:
         """Remove and add points; return the former index of each point that stays."""

@@ -12,9 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...arrays import Array
 from .bodies import ContactBody, moved
-from .cone import along
+from .cone import mean_displacement
 from .path_step import PathStep
 
 # OWN: way of the loaded skin over that of the objects from which on most of it is the skin's own.
@@ -61,15 +60,11 @@ class ReleaseWatch:
         share = float(np.sqrt(change @ change)) / most
         if share <= SEEN:
             return 0.0
-        went = _mean_way(last[0]) - (0.0 if self._last is None else _mean_way(step))
+        # without force the mean is 0, as of skin that has sprung back
+        ways = (mean_displacement(some.solution.force, some.displacement) for some in (last[0], step))
+        went = next(ways) - next(ways)
         far, work = _driven(came, step, last[0])
         return share if work >= 0.0 and np.sqrt(went @ went) > OWN * far else 0.0
-
-
-def _mean_way(step: PathStep) -> Array:
-    """Return the mean displacement of the loaded skin, weighted by the forces [m], shape (3,)."""
-    size = np.sqrt(along(step.solution.force, step.solution.force))
-    return np.asarray(size @ step.displacement / size.sum())
 
 
 def _driven(came: Sequence[ContactBody], step: PathStep, last: PathStep) -> tuple[float, float]:

@@ -77,6 +77,20 @@ def test_cells_are_fine_where_an_edge_is_and_beside_it(pad: SurfaceCompliance, x
     assert halved[under & (off > 1.4e-3), 1].max(initial=0) <= 1
 
 
+@pytest.mark.parametrize("drag", [-1.7e-3, 1.7e-3])
+def test_cells_are_fine_where_skin_was_dragged_over_an_edge(pad: SurfaceCompliance, drag: float) -> None:
+    """Skin that lies on the edge now was so far beside it at rest; there, no edge is near."""
+    tree, none, away = PointTree(pad), np.zeros(0, dtype=np.int64), np.array([drag, 0.0, 0.0])
+    alone, dragged = (tree.survey([edge(0.0, 1.5e-3)], 2.5e-3, BONE, none, way) for way in (np.zeros(3), away))
+
+    def finest(cells: np.ndarray) -> int:
+        place = pad.cells.positions[cells]
+        on = (np.abs(place[:, 0] + drag) < 0.25e-3) & (np.abs(place[:, 1]) < 3e-3)
+        return int(pad.chart.tiles.halved[cells][on, 1].max(initial=0))
+
+    assert finest(alone) < 2 <= finest(dragged)
+
+
 @pytest.mark.parametrize("height", [0.2e-3, 0.3e-3, 0.5e-3])
 @pytest.mark.parametrize("x", [-0.42e-3, -0.18e-3, 0.1e-3, 0.3e-3])
 def test_cells_are_fine_across_a_low_step(pad: SurfaceCompliance, height: float, x: float) -> None:

@@ -280,19 +280,21 @@ static double stop(void *state, const double *row) {
     return -1.0;
 }
 
-double dermis_bulge(const dermis_tree *tree) {
+double dermis_bulge(const dermis_tree *tree, double *facing) {
     const double *bounds = tree->bounds;
     double most = 0.0, high = CONVEX * (tree->scale + tree->largest), near = 2.0 * dermis_root(FARTHEST_WALK * high);
     if (tree->packed == NULL) return __builtin_inf();
-    for (int64_t i = 0; i < tree->count; i++) {
+    for (int64_t i = 0; i < tree->count; i++, facing += 4) {
         const double *row = tree->packed + i * DERMIS_ROW;
         int64_t j = (int64_t)row[NUMBER];
         double centre[3], radius = bounds[6 * tree->total + j] + near;
         skyline of = {.square = radius * radius, .height = 0.0};
         int rises_far = 0;
         for (int k = 0; k < 3; k++) centre[k] = bounds[k * tree->total + j];
-        if (!(dermis_facing(row, of.plane) > NO_PLANE * dermis_most(row[AB_AB], dermis_most(row[AC_AC], row[BC_BC])))) return __builtin_inf();
-        of.plane[3] = dermis_dot(row, of.plane) + high;
+        facing[3] = dermis_facing(row, facing);
+        if (!(facing[3] > NO_PLANE * dermis_most(row[AB_AB], dermis_most(row[AC_AC], row[BC_BC])))) return __builtin_inf();
+        for (int k = 0; k < 3; k++) of.plane[k] = facing[k];
+        of.plane[3] = dermis_dot(row, facing) + high;
         dermis_visit(tree, centre, __builtin_inf(), of.plane, stop, &rises_far);
         if (rises_far) return __builtin_inf();
         of.plane[3] -= high;
@@ -321,19 +323,19 @@ static int clear(const hit *of, double area, int but, double square) {
 
    A point of another triangle at a distance s from the closest point is above its plane by at most the bulge b. Its
    squared distance is therefore at least d^2 + s^2 - 2 b d. Beside an edge, b is multiplied by a + c, where the direction
-   to x is a times the one normal plus c times the other. edge: of `found` on which the closest point lies, -1 for none. */
-static int only(const hit *found, const hit *next, int edge, int edge_of_next, double bulge, const double *x) {
-    double distance = dermis_root(found->square), times = 1.0, facing[2][3], area[2] = {dermis_facing(found->row, facing[0]), 0.0}, v[3];
+   to x is a times the one normal plus c times the other. edge: of `found` on which the closest point lies, -1 for none.
+   facing, facing_of_next: rows of `dermis_convex` for both triangles (4). */
+static int only(const hit *found, const double *facing, const hit *next, const double *facing_of_next, int edge, int edge_of_next, double bulge, const double *x) {
+    double distance = dermis_root(found->square), times = 1.0, v[3];
     for (int k = 0; k < 3; k++) v[k] = x[k] - found->row[k];
-    if (!(dermis_dot(v, facing[0]) > 0.0)) return 0;
+    if (!(dermis_dot(v, facing) > 0.0)) return 0;
     if (edge >= 0) {
-        area[1] = dermis_facing(next->row, facing[1]);
-        times = 2.0 / dermis_most(1.0 + dermis_dot(facing[0], facing[1]), 1e-6);
+        times = 2.0 / dermis_most(1.0 + dermis_dot(facing, facing_of_next), 1e-6);
         for (int k = 0; k < 3; k++) v[k] = x[k] - next->row[k];
-        if (!(dermis_dot(v, facing[1]) > 0.0)) return 0;
+        if (!(dermis_dot(v, facing_of_next) > 0.0)) return 0;
     }
     double square = 4.0 * (times * bulge * distance + TIE * found->square);
-    return times * distance <= FARTHEST_WALK && clear(found, area[0], edge, square) && (edge < 0 || clear(next, area[1], edge_of_next, square));
+    return times * distance <= FARTHEST_WALK && clear(found, facing[3], edge, square) && (edge < 0 || clear(next, facing_of_next[3], edge_of_next, square));
 }
 
 /* Return the slot of a triangle that is near a point: go down the tree to the nearest box of each node; -1 if it is empty. */
@@ -360,13 +362,14 @@ static int64_t dive(const dermis_tree *tree, const double *x) {
 
 /* Walk from a slot to the closest triangle; return 1 or 0 as `dermis_find_closest` does, -1 if it is not decided, and -2 if
    it is farther than STEPS. */
-static int descend(const dermis_tree *tree, const int64_t *beside, double bulge, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
+static int descend(const dermis_tree *tree, const dermis_convex *convex, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
+    const int64_t *beside = convex->beside;
     hit found = measured_in(tree, x, *slot);
     for (int step = 0; step < STEPS; step++) {
         double weights[3] = {dermis_most(1.0 - found.u - found.w, 0.0), found.u, found.w};
         int feature = feature_of(weights), first = feature < 4 ? feature - 1 : feature - 4, other = feature < 4 ? first : (first + 2) % 3;
         if (feature == 0) {
-            if (!only(&found, NULL, -1, -1, bulge, x)) return -1;
+            if (!only(&found, convex->facing + 4 * *slot, NULL, NULL, -1, -1, convex->bulge, x)) return -1;
             return found.square <= limit * limit ? answer(&found, *slot, out) : 0;
         }
         int64_t next = beside[3 * *slot + first], beyond = beside[3 * *slot + other];
@@ -383,7 +386,7 @@ static int descend(const dermis_tree *tree, const int64_t *beside, double bulge,
         if (feature >= 4 || over.square > found.square * (1.0 + TIE)) return -1;
         int back = 0;
         while (back < 3 && beside[3 * next + back] != *slot) back++;
-        if (back == 3 || !only(&found, &over, first, back, bulge, x)) return -1;
+        if (back == 3 || !only(&found, convex->facing + 4 * *slot, &over, convex->facing + 4 * next, first, back, convex->bulge, x)) return -1;
         if (dermis_least(found.square, over.square) > limit * limit) return 0;
         if (over.row[NUMBER] < found.row[NUMBER]) found = over, *slot = next;
         return answer(&found, *slot, out);
@@ -391,9 +394,9 @@ static int descend(const dermis_tree *tree, const int64_t *beside, double bulge,
     return -2;
 }
 
-int dermis_walk_to_closest(const dermis_tree *tree, const int64_t *beside, double bulge, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
-    int found = *slot < 0 ? -2 : descend(tree, beside, bulge, x, limit, slot, out);
+int dermis_walk_to_closest(const dermis_tree *tree, const dermis_convex *convex, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
+    int found = *slot < 0 ? -2 : descend(tree, convex, x, limit, slot, out);
     if (found != -2) return found;
     *slot = dive(tree, x);
-    return *slot < 0 ? -1 : descend(tree, beside, bulge, x, limit, slot, out);
+    return *slot < 0 ? -1 : descend(tree, convex, x, limit, slot, out);
 }

@@ -19,14 +19,15 @@ typedef struct {
 int dermis_find_closest(const dermis_tree *tree, const double *x, double limit, int64_t hint, dermis_closest_point *out);
 
 /* Return how far a triangle rises above the plane of another one that is near it, at most [m]; infinite for a body that is
-   not convex. */
-double dermis_bulge(const dermis_tree *tree);
+   not convex.
+
+   facing: out, see `dermis_convex`; not complete if the result is infinite. */
+double dermis_bulge(const dermis_tree *tree, double *facing);
 
 /* Find the closest triangle of a point on a convex body, as `dermis_find_closest` does; return -1 if it is not decided.
 
-   beside: slot of the neighbour at each edge of the triangle in each slot, -1 for none (count, 3). bulge: see `dermis_bulge`, finite.
    slot: in, where the walk begins, or -1; out, where it ended, or -1. */
-int dermis_walk_to_closest(const dermis_tree *tree, const int64_t *beside, double bulge, const double *x, double limit, int64_t *slot, dermis_closest_point *out);
+int dermis_walk_to_closest(const dermis_tree *tree, const dermis_convex *convex, const double *x, double limit, int64_t *slot, dermis_closest_point *out);
 
 /* Function that is called with the row of a triangle, see triangle.h. It returns the squared radius of the rest of
    the search [m^2], which may only fall, or a negative number to end it. */

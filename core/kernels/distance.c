@@ -17,10 +17,8 @@
 /* Up to this distance [m], the direction to the closest point is not accurate, so the surface's normal is used
    instead. */
 #define ON_SURFACE 1e-9
-/* Distances from slabs must exceed a limit by this share, so that rounding has no effect. */
+/* Boxes and distances are enlarged by this share for rounding. */
 #define SLACK 1e-9
-/* The first slabs are the body's box; the others exclude hardly any more bodies that are far away. */
-#define BOX 3
 /* A pseudonormal that is not longer than this has no direction. */
 #define NO_LENGTH 1e-9
 
@@ -62,7 +60,10 @@ static int pseudonormal(const dermis_body *body, const dermis_closest_point *fou
         if (body->normals == NULL) add_normals(body, vertex, out);
         return body->vertex_kind[vertex];
     }
-    dermis_facing(found->row, out);
+    if (body->convex != NULL)
+        for (int k = 0; k < 3; k++) out[k] = body->convex->facing[4 * found->slot + k];
+    else
+        dermis_facing(found->row, out);
     if (found->feature == 0) return DERMIS_REGULAR;
     int64_t edge = 3 * triangle + found->feature - 1, other = body->across[edge];
     if (other < 0) return body->edge_kind[edge];
@@ -112,41 +113,45 @@ static int may_be_inside(const dermis_body *body, const double *x, double limit)
 }
 
 int dermis_beyond(const dermis_body *body, const double *x, double limit) {
-    double square = 0.0, largest = 0.0;
-    for (int64_t i = 0; i < body->slabs && i < BOX; i++) {
-        const double *slab = body->slab + 5 * i;
-        double along = dermis_dot(x, slab), over = dermis_most(dermis_most(along - slab[4], slab[3] - along), 0.0);
-        square += over * over, largest = dermis_most(largest, dermis_abs(slab[3]) + dermis_abs(slab[4]));
+    double square = 0.0;
+    limit *= 1.0 + SLACK;
+    limit *= limit;
+    for (int k = 0; k < 3 && !(square > limit); k++) {
+        double over = dermis_most(dermis_most(body->low[k] - x[k], x[k] - body->high[k]), 0.0);
+        square += over * over;
     }
-    limit += SLACK * (limit + largest);
-    return square > limit * limit;
+    return square > limit;
 }
 
 /* Find the closest triangle; see `dermis_find_closest`. */
 static int find(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_closest_point *out) {
     if (hint >= body->tree->count) hint = -1;
-    if (body->beside != NULL && body->bulge <= DBL_MAX && !body->by_rays) {
-        int found = dermis_walk_to_closest(body->tree, body->beside, body->bulge, x, limit, &hint, out);
+    if (body->convex != NULL && !body->by_rays) {
+        int found = dermis_walk_to_closest(body->tree, body->convex, x, limit, &hint, out);
         if (found >= 0) return found;
     }
     return dermis_find_closest(body->tree, x, limit, hint, out);
 }
 
-/* Measure the signed distance to the first solid of a body only. */
+/* Fill in the results for a point with no triangle within the limit. */
+static void nothing(dermis_distance *out) {
+    out->gap = __builtin_inf(), out->triangle = out->slot = -1;
+    for (int k = 0; k < 3; k++) out->normal[k] = 0.0;
+}
+
+/* Measure the signed distance to the first solid of a body only, which is not beyond the limit; see `dermis_beyond`. */
 static void one(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out) {
     dermis_closest_point found;
-    int away = dermis_beyond(body, x, limit);
-    if (!away && find(body, x, limit, hint, &found)) {
+    if (find(body, x, limit, hint, &found)) {
         measure(body, x, &found, out);
         return;
     }
-    if (!away && body->closed && limit <= DBL_MAX && may_be_inside(body, x, limit) &&
+    if (body->closed && limit <= DBL_MAX && may_be_inside(body, x, limit) &&
         dermis_find_closest(body->tree, x, __builtin_inf(), hint, &found)) {
         measure(body, x, &found, out);
         if (out->gap < 0.0) return;
     }
-    out->gap = __builtin_inf(), out->triangle = out->slot = -1;
-    for (int k = 0; k < 3; k++) out->normal[k] = 0.0;
+    nothing(out);
 }
 
 void dermis_signed_distance(const dermis_body *body, const double *x, double limit, int64_t hint, dermis_distance *out) {
@@ -155,16 +160,19 @@ void dermis_signed_distance(const dermis_body *body, const double *x, double lim
     /* The solid of the hint is probably the closest one. It is measured first, so that others need not be searched
        farther than it is. */
     for (; first->next != NULL && hint - start >= first->tree->count; first = first->next) start += first->tree->count;
-    one(first, x, limit, hint - start, out);
+    if (dermis_beyond(first, x, limit))
+        nothing(out);
+    else
+        one(first, x, limit, hint - start, out);
     if (out->triangle >= 0) out->slot += start;
     for (const dermis_body *next = body; next != NULL; before += next->tree->count, next = next->next) {
         dermis_distance other;
         /* A solid farther away than the closest one so far need not be found; even a limit of 0 finds points inside.
            The inside of a solid that is inside out is unbounded, and `may_be_inside` misses points beyond its slabs, so
            the limit stays. */
-        double nearer = dermis_most(dermis_least(limit, before < start ? out->gap * (1.0 + SLACK) : out->gap), 0.0);
-        if (next == first) continue;
-        one(next, x, next->outside < 0 ? limit : nearer, hint - before, &other);
+        double nearer = next->outside < 0 ? limit : dermis_most(dermis_least(limit, before < start ? out->gap * (1.0 + SLACK) : out->gap), 0.0);
+        if (next == first || dermis_beyond(next, x, nearer)) continue;
+        one(next, x, nearer, hint - before, &other);
         /* of two solids at the same distance, the one that comes first counts */
         if (other.gap < out->gap || (other.triangle >= 0 && other.gap == out->gap && before < start)) {
             *out = other, out->slot += before;
@@ -222,6 +230,13 @@ DERMIS_NOINLINE static int32_t fit(dermis_body *body) {
     for (int64_t i = 0; i < body->parts; i++)
         if (body->part[i] < 0 || body->part[i] >= total) return DERMIS_BAD_RECORD;
     body->hollow = body->hollow || hollow(body);
+    for (int k = 0; k < 3; k++) {
+        body->low[k] = -__builtin_inf(), body->high[k] = __builtin_inf();
+        if (k >= body->slabs) continue;
+        const double *slab = body->slab + 5 * k;
+        double more = SLACK * (dermis_abs(slab[3]) + dermis_abs(slab[4]));
+        body->low[k] = slab[3] - more, body->high[k] = slab[4] + more;
+    }
     if (body->normals == NULL) return DERMIS_DONE;
     for (int64_t i = 0; i < 3 * body->vertices; i++) body->normals[i] = 0.0;
     add_normals(body, -1, body->normals);
@@ -261,10 +276,11 @@ DERMIS_NOINLINE static int32_t distances(dermis_query *query) {
 }
 
 DERMIS_NOINLINE static int32_t find_bulge(dermis_body *body) {
-    if (body->beside == NULL) return DERMIS_BAD_RECORD;
+    dermis_convex *convex = body->convex;
+    if (convex == NULL) return DERMIS_BAD_RECORD;
     for (int64_t i = 0; i < 3 * body->tree->count; i++)
-        if (body->beside[i] < -1 || body->beside[i] >= body->tree->count) return DERMIS_BAD_RECORD;
-    body->bulge = dermis_bulge(body->tree);
+        if (convex->beside[i] < -1 || convex->beside[i] >= body->tree->count) return DERMIS_BAD_RECORD;
+    convex->bulge = dermis_bulge(body->tree, convex->facing);
     return DERMIS_DONE;
 }
 

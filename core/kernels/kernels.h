@@ -65,6 +65,14 @@ typedef struct {
     int64_t wrong;          /* out: index of the triangle that was refused */
 } dermis_tree;
 
+/* The triangles of a convex body, whose closest triangle is found by a walk from neighbour to neighbour. */
+typedef struct {
+    const int64_t *beside; /* slot of the neighbour at each edge of the triangle in each slot, -1 for none (count, 3) */
+    double *facing;        /* out: unit normal of the triangle in each slot, and twice its area [m^2] (count, 4) */
+    double bulge;          /* out: height of a triangle above the plane of another one near it, at most; infinite if the
+                              body is not convex [m] */
+} dermis_convex;
+
 /* A body: its triangles, their topology, and the method that determines whether a point is inside. */
 typedef struct dermis_body {
     const struct dermis_body *next; /* a solid that overlaps this one: the body is the union of both; null: no further
@@ -86,13 +94,12 @@ typedef struct dermis_body {
     const int8_t *vertex_kind;  /* the same for vertices (vertices) */
     const int64_t *part;        /* index of one triangle of each part (parts) */
     const double *slab;         /* unit vector (3), and the body's least and largest coordinate along it [m] (slabs, 5);
-                                   the first three slabs are the body's box */
+                                   the first three are along x, y and z */
     double *normals;            /* pseudonormals of the vertices (vertices, 3); null: they are summed when they are
                                    needed */
-    const int64_t *beside;      /* slot of the neighbour at each edge of the triangle in each slot, -1 for none (count, 3);
-                                   null: the tree alone finds the closest triangle */
-    double bulge;               /* out: height of a triangle above the plane of another one near it, at most; infinite
-                                   if the body is not convex [m] */
+    dermis_convex *convex;      /* null: the tree alone finds the closest triangle */
+    double low[3], high[3];     /* out: the body's box by the first three slabs, enlarged for rounding; infinite without
+                                   them [m] */
 } dermis_body;
 
 /* Kinds of edges. REGULAR: two faces that agree about the outside. BOUNDARY: one face. IRREGULAR: all others. A vertex
@@ -615,7 +622,7 @@ DERMIS_API int32_t dermis_tree_fit(dermis_tree *tree);
 /* Check the indices of a body, and compute `normals` unless it is null. */
 DERMIS_API int32_t dermis_body_fit(dermis_body *body);
 
-/* Compute the `bulge` of a body that `dermis_body_fit` has checked, from `beside`. */
+/* Compute `facing` and `bulge` of `convex` of a body that `dermis_body_fit` has checked, from `beside`. */
 DERMIS_API int32_t dermis_body_bulge(dermis_body *body);
 
 /* Set `by_rays` of a closed body that `dermis_body_fit` has checked.

@@ -80,6 +80,11 @@ class TreeRecord(ctypes.Structure):
 
 
 @_declared
+class ConvexRecord(ctypes.Structure):
+    """`dermis_convex`."""
+
+
+@_declared
 class BodyRecord(ctypes.Structure):
     """`dermis_body`."""
 

@@ -62,8 +62,8 @@ MOST_SOLIDS = 64
 # cells of the skin are 100 um wide.
 TINY, LARGE, FAR = 100e-6, 20.0, 100.0
 # Unit vectors towards the faces, edges and corners of a cube, one of each opposite pair, shape (13, 3).
-DIRECTIONS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64)[14:] - 1.0
-DIRECTIONS = DIRECTIONS[np.argsort(np.abs(DIRECTIONS).sum(axis=1), kind="stable")]  # the axes first
+DIRECTIONS = np.array(list(np.ndindex(3, 3, 3)), dtype=np.float64)[:13:-1] - 1.0
+DIRECTIONS = DIRECTIONS[np.argsort(np.abs(DIRECTIONS).sum(axis=1), kind="stable")]  # the axes x, y, z first
 DIRECTIONS /= np.sqrt((DIRECTIONS * DIRECTIONS).sum(axis=1))[:, None]
 
 

@@ -91,13 +91,14 @@ class KernelBody:
             and not topology.weld
             and not np.ptp(topology.parts[tree.order])
         ):
-            beside = tree.neighbours(topology)
+            beside, facing = tree.neighbours(topology), np.empty((len(tree.order), 4))
+            convex = records.ConvexRecord(address(beside), address(facing))
             own = records.BodyRecord.from_buffer_copy(self.record)
-            own.beside = address(beside)
+            own.convex = addressof(convex)
             tree.done(self._kernels.find_bulge(byref(own)), -1)
-            if np.isfinite(own.bulge):
-                self._arrays.append(beside)
-                self.record.bulge, self.record.beside = own.bulge, own.beside
+            if np.isfinite(convex.bulge):
+                self._convex = convex, beside, facing
+                self.record.convex = own.convex
         if self._other is not None:
             self._other.find_convexity()
 

@@ -79,10 +79,13 @@ class Arrays(Case):
 
     def measure(self, own: Any, packed: bool) -> int:
         """Return the status of distances alone, by a tree that was made before, or without."""
-        tree, _, query = self.records(packed)
-        if packed and own.dermis_tree_fit(ctypes.byref(tree)):
-            raise AssertionError
-        return int(own.dermis_distances(ctypes.byref(query)))
+        return int(own.dermis_distances(ctypes.byref(self.fitted(own, packed)[1])))
+
+    def fitted(self, own: Any, packed: bool = True) -> tuple[records.BodyRecord, records.QueryRecord]:
+        """Return the records of a body and a query that the kernels have seen, of triangles that are sorted."""
+        tree, body, query = self.records(packed)
+        assert not (packed and own.dermis_tree_fit(ctypes.byref(tree))) and not own.dermis_body_fit(ctypes.byref(body))
+        return body, query
 
 
 def edge() -> tuple[Array, Indices]:
@@ -273,7 +276,7 @@ def posed_pair(
 ) -> ctypes.Array[records.PosedRecord]:
     """Return the records of a body and of a rough and soft plane or disc below it."""
     assert not any(solid.call(own))
-    _, body, _ = solid.records()
+    body, _ = solid.fitted(own)
     turn = {"rotation": np.eye(3), "side": 1.0, "tie": TIE, "turn": TURN}
     edge = filled(records.PosedRecord, body=body, translation=poses[0], sharpness=sharpness, **turn)
     soft = {"sharpness": 1.0 / 3.0, "friction": 0.7, "softness": 1e-9, "radius": 2e-3, "rounding": rounding}

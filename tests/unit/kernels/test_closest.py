@@ -184,8 +184,7 @@ def test_hints_change_no_byte(tmp_path: Path) -> None:
         rng, arrays = np.random.default_rng(seed), drawn(seed)
         assert not any(arrays.call(own))
         wanted = {name: arrays.found[name].copy() for name in ("gap", "normal", "triangle")}
-        tree, _, query = arrays.records()
-        assert own.dermis_tree_fit(ctypes.byref(tree)) == 0
+        _, query = arrays.fitted(own)
         slots = np.full(len(arrays.points), -1)
         for hints in (
             slots,
@@ -418,11 +417,11 @@ def test_a_walk_on_a_convex_body_finds_what_the_tree_finds(shape: str, noise: fl
         by_tree = body.query(points, limit)
         body.find_convexity()
         if not noise:
-            assert body.record.beside
+            assert body.record.convex
         by_walk = body.query(points, limit)
         for name in ("gap", "triangle", "normal", "point", "weights"):
             np.testing.assert_array_equal(getattr(by_walk, name), getattr(by_tree, name))
-        body.record.beside = None
+        body.record.convex = None
 
 
 def test_bodies_that_are_not_convex_are_left_to_the_tree() -> None:
@@ -434,11 +433,11 @@ def test_bodies_that_are_not_convex_are_left_to_the_tree() -> None:
     for vertices, triangles in ((dented, ball.triangles), (ball.vertices, ball.triangles[:, ::-1]), (apart, two)):
         body = Surface.build(vertices, triangles).kernel_body
         body.find_convexity()
-        assert not body.record.beside
+        assert not body.record.convex
 
 
 def test_a_surface_that_kernels_take_often_is_walked_on() -> None:
     """One that they take for a frame alone is not looked at, since that would take longer than it saves."""
     surface = Surface.sphere(5e-3, 1280)
-    taken = [bool(surface.kernel_body.record.beside) for _ in range(20)]
+    taken = [bool(surface.kernel_body.record.convex) for _ in range(20)]
     assert not taken[0] and taken[-1]

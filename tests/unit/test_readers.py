@@ -96,16 +96,17 @@ def every_reader() -> set[str]:
     return found
 
 
-@pytest.mark.one_line("3.11", "the text of the sources is read")
+@pytest.mark.one_line("3.13", "the text of the sources is read")
 def test_no_reader_is_missing_in_the_table() -> None:
     covered = {place for reader in READERS for place in reader.covers}
     known = covered | set(OWN)
-    missing = sorted(place for place in every_reader() if not {place, place.partition(":")[0]} & known)
+    readers = every_reader()
+    missing = sorted(place for place in readers if not {place, place.partition(":")[0]} & known)
     assert not missing, (
         f"these functions read and are in no table: {missing}. Give each an entry in tests/readers.py with a whole "
         "example, so that it is tried with damaged files; or name it in OWN there and say why nothing foreign comes in"
     )
-    there = every_reader() | {place.partition(":")[0] for place in every_reader()}
+    there = readers | {place.partition(":")[0] for place in readers}
     gone = sorted(known - there)
     assert not gone, f"tests/readers.py names functions that read nothing any more: {gone}"
 
@@ -182,7 +183,7 @@ def test_what_may_not_be_read_is_refused(reader: Reader, tmp_path: Path) -> None
 
 
 @pytest.mark.filterwarnings("ignore")
-@pytest.mark.one_line("3.11", "words of refusals; the rest of this file runs on both lines")
+@pytest.mark.one_line("3.13", "words of refusals; the rest of this file runs on both lines")
 def test_every_reader_refuses_the_files_of_all_others(tmp_path: Path) -> None:
     found = Found()
     for reader in READERS:

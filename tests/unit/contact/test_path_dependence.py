@@ -100,7 +100,7 @@ def test_a_tilting_block_on_its_way_back_is_where_rest_would_lead() -> None:
             assert off(step.nodal.sum(axis=0), there.nodal.sum(axis=0)) <= 0.1  # friction has a past
 
 
-@pytest.mark.one_line("3.11", "numbers alone; the rest of this file runs on both lines")
+@pytest.mark.one_line("3.13", "numbers alone; the rest of this file runs on both lines")
 def test_skin_on_a_fold_is_led_off_it_and_the_frame_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """Forces beyond the mesh that keep their moment bend its rim so that a fold carries itself."""
     skin, touch = fingertip_skin(level="draft").with_law(), flat_press(44)

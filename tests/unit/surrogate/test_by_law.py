@@ -26,7 +26,7 @@ FRICTION = 0.6
 FEW = {"trajectories": 60, "hidden": 20, "iterations": 20}
 OLD = {"ridge": {"error": 0.071}, "network": {"error": 0.08}}  # as earlier versions judged models of linear tissue
 
-pytestmark = pytest.mark.one_line("3.11", "numbers alone; adapting is tested on both lines")
+pytestmark = pytest.mark.one_line("3.13", "numbers alone; adapting is tested on both lines")
 
 
 class Made(NamedTuple):

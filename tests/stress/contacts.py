@@ -33,7 +33,7 @@ NOT_SOLVED = frozenset({"not-converged"})
 LEFT = frozenset({"passed-through", "slides-past", "over-a-rim", "turned-over", "starts-inside", "slips-in"})
 # These say in words that contact has several solutions, or that the force depends on the way there; or on how often it
 # is sampled. A way that is sampled otherwise is another way: bodies go straight between samples.
-OTHER_WAY = frozenset({"sharp-corner", "open-rim", "several-states", "smaller-than-mesh"})
+OTHER_WAY = frozenset({"sharp-corner", "open-rim", "several-states", "smaller-than-mesh", "hangs-behind"})
 OTHER_RATE = frozenset({"lets-go", "slid-far"})
 EXCUSES: Mapping[str, frozenset[str]] = {
     "fall": NOT_SOLVED | LEFT | {"too-fine"},

@@ -18,7 +18,6 @@ import numpy as np
 from ...arrays import Array, Floats32, Indices
 from ...skin.nodal_forces import NodalForces
 from ...skin.surface_compliance import SurfaceCompliance
-from ...surface.plane import Plane
 from .bodies import ContactBody, NodeGaps, least_gaps, paired, same_places, travel
 from .compliance import own_compliance
 from .cone import mean_displacement
@@ -101,7 +100,7 @@ class PointSolver(PathSolver):
 
         It is inf if no body is within reach.
         """
-        if not all(body.away or isinstance(body.surface, Plane) or body.surface.closed for body in bodies):
+        if not all(body.away or body.surface.closed for body in bodies):
             return super().outside(bodies, reach)
         # The gaps of two points differ by at most their distance, so skin far from the closest point can be left out.
         sizes = self._reach.sizes

@@ -22,6 +22,10 @@ from .posed_records import corners_about
 # Loss of force that is tolerated while all bodies press deeper: as a share of the largest force, and as a force over
 # the skin's modulus [m^2]. The latter is 1 mN for skin of 100 kPa.
 LOST, LEAST = 0.02, 1e-8
+# Share of the normal force that may draw the skin outward. It is on faces that look away from the finger, where points
+# that are lifted into the finger do not see the gap: so much of the force is not known, and 1 % is what shifts of the
+# finger by a micrometre may change.
+HANGS = 0.01
 MODULUS = 1e5  # default Young's modulus, that of the preset fingers [Pa]
 
 
@@ -70,11 +74,11 @@ class PressWatch:
             return 0.0
         return missing / self.most if missing > max(LOST * self.most, self._least) else 0.0
 
-    def pulling(self, step: PathStep, inward: Array) -> tuple[int, ...]:
-        """Return the bodies whose normal forces draw the skin out of the finger.
+    def outward(self, step: PathStep, inward: Array) -> tuple[float, tuple[int, ...]]:
+        """Return the share of the normal force that draws the skin out of the finger, and the bodies that draw it out.
 
-        Bodies whose bounding boxes meet count as one, such as the parts of a solid: skin on one of them may lean on
-        another one.
+        These are the bodies whose normal forces together do. Bodies whose bounding boxes meet count as one, such as the
+        parts of a solid: skin on one of them may lean on another one.
 
         Args:
             step: result of a frame.
@@ -82,16 +86,18 @@ class PressWatch:
         """
         solution, gaps = step.solution, step.gaps
         if gaps is None:
-            return ()
+            return 0.0, ()
         loaded = (solution.loaded & (gaps.body >= 0)).nonzero()[0]
         rise = along(solution.normals.take(loaded, axis=0), inward.take(loaded, axis=0))
         if not (rise < 0.0).any():
-            return ()
-        push = np.bincount(gaps.body[loaded], solution.normal_force[loaded] * rise, len(gaps.bodies))
+            return 0.0, ()
+        normal = solution.normal_force[loaded]
+        share = -float((normal * np.minimum(rise, 0.0)).sum()) / max(float(normal.sum()), 1e-300)
+        push = np.bincount(gaps.body[loaded], normal * rise, len(gaps.bodies))
         if (push >= 0.0).all():
-            return ()
+            return share, ()
         drawn = [i for group in _together(gaps.bodies) if float(push[group].sum()) < 0.0 for i in group]
-        return tuple(sorted(drawn))
+        return share, tuple(sorted(drawn))
 
 
 def _together(bodies: Sequence[ContactBody]) -> list[list[int]]:

@@ -25,7 +25,7 @@ from .near_surface import NearTriangles
 from .path_solver import PathSolver
 from .path_step import PathStep
 from .posed_records import corners_about
-from .press_watch import MODULUS, PressWatch
+from .press_watch import HANGS, MODULUS, PressWatch
 from .release_watch import ReleaseWatch
 
 # Largest normal movement in a part of a frame [m], and largest movement in any direction if the normals turn [m].
@@ -47,6 +47,8 @@ LESS = "Press no deeper than its radius, drag less far, or give it more friction
 TOO_FAST = "contact moves too far in one frame: it is solved in coarser steps"
 SINKS = "a feature smaller than the contact resolution sinks into the skin: the force is unreliable"
 SINKS_LESS = "Press less deep, or give it more friction"
+HANGING = "skin hangs on faces that look away from the finger: the force is unreliable and depends on the way there"
+HANGING_LESS = "Press less deep, drag less far, or round the object's edges"
 LETS_GO = "the skin lets go of an object at once, sooner or later by how often its way is sampled"
 LETS_GO_LESS = "Press less deep, use less friction, or round the edge that the skin hangs on"
 
@@ -360,16 +362,21 @@ class SubStepper:
         return self._anew(over, self._felt(bodies))
 
     def _slid_past(self, step: PathStep, bodies: Sequence[ContactBody]) -> PathStep:
-        """Press bodies again from below that the skin has slid past; ignore those that it slides past once more."""
-        pulling = self._press.pulling(step, self.solver.inward)
+        """Press bodies again from below that the skin has slid past; ignore those that it slides past once more.
+
+        Tell if skin hangs on faces that draw it out of the finger.
+        """
+        share, pulling = self._press.outward(step, self.solver.inward)
         over = ways_out(self.solver, pulling, bodies, self.deepest) if pulling else {}
         if over:
             step = self._anew(dict.fromkeys(over, max(over.values())), self._felt(bodies))
-            pulling = self._press.pulling(step, self.solver.inward)
+            share, pulling = self._press.outward(step, self.solver.inward)
             if over.keys() - set(pulling):
                 self._warn("slides-past", PAST + ANEW, LESS)
         for index in pulling:
             self._leave(index, "passed-through", PAST, LESS)
+        if share > HANGS and not pulling:
+            self._warn("hangs-behind", HANGING, HANGING_LESS, value=f"{share:.0%} of the force")
         return self._last(self._felt(bodies)) if pulling else step
 
     def _anew(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:

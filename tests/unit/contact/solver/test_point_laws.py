@@ -192,14 +192,25 @@ def test_what_skin_is_dragged_past_is_pressed_onto_it_anew_and_never_pulls(pad):
     places = [*((0.0, z) for z in deep), *((-0.1e-3 * k, deep[-1]) for k in range(1, 26))]
     bodies = [ContactBody(small, translation=np.array([0.0, y, z]), friction=0.3) for y, z in places]
     force = np.array([total(steps.step([body], scene_frame=float(k))) for k, body in enumerate(bodies)])
-    told = {finding.code: finding for finding in steps.solver.findings}["slides-past"]
+    findings = {finding.code: finding for finding in steps.solver.findings}
+    told, hangs = findings["slides-past"], findings["hangs-behind"]
     assert told.count == 1 and (force[:, 2] >= 0.0).all()
+    assert len(deep) < hangs.frame < told.frame == hangs.frame + hangs.count  # in every sample until it is pressed anew
     frame = int(told.frame)
     anew, y = stepper(pad), bodies[frame].translation[1]
     for z in np.linspace(-0.2e-3, deep[-1], 16):
         step = anew.step([ContactBody(small, translation=np.array([0.0, y, z]), friction=0.3)])
     assert force[frame] == pytest.approx(total(step), abs=1e-2 * force[frame, 2])
     assert np.linalg.norm(force[frame] - force[frame - 1]) > 0.5 * force[frame, 2]
+
+
+@pytest.mark.parametrize("surface", [EDGE, BALL], ids=["edge", "ball"])
+@pytest.mark.parametrize("friction", [0.0, 0.6])
+def test_skin_does_not_hang_behind_what_it_is_dragged_over(pad, surface, friction):
+    """An edge of 90 degrees and a ball of 5 mm, 1 mm deep, drawn aside by 4 mm and back."""
+    steps = stepper(pad)
+    walk(steps, surface, [*way(30, 1e-3, 4e-3), *((4e-3 - 0.2e-3 * k, 1e-3) for k in range(20))], friction)
+    assert "hangs-behind" not in {finding.code for finding in steps.solver.findings}
 
 
 def test_what_slips_into_the_skin_is_a_finding(pad):

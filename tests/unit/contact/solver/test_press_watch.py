@@ -44,18 +44,18 @@ def test_there_is_no_share_of_a_force_towards_the_nail() -> None:
 
 
 @pytest.mark.parametrize(
-    ("leans", "tilt", "beside", "drawn"),
+    ("leans", "tilt", "beside", "drawn", "share"),
     [
-        ((10.0, 80.0), 0.0, 0.06, ()),
-        ((170.0, 80.0), 0.0, 0.06, (1,)),
-        ((170.0, 80.0), 0.0, 0.05, ()),
-        ((170.0, 170.0), 0.0, 0.05, (0, 1)),
-        ((170.0, 50.0), 0.0, 0.06, ()),
-        ((10.0, 80.0), -60.0, 0.06, (1,)),
+        ((10.0, 80.0), 0.0, 0.06, (), 0.0),
+        ((170.0, 80.0), 0.0, 0.06, (1,), 0.2 * np.cos(np.radians(10.0))),
+        ((170.0, 80.0), 0.0, 0.05, (), 0.2 * np.cos(np.radians(10.0))),
+        ((170.0, 170.0), 0.0, 0.05, (0, 1), 1.2 * np.cos(np.radians(10.0))),
+        ((170.0, 50.0), 0.0, 0.06, (), 0.2 * np.cos(np.radians(10.0))),
+        ((10.0, 80.0), -60.0, 0.06, (1,), np.cos(np.radians(40.0))),
     ],
 )
 def test_a_body_draws_skin_out_if_its_normal_forces_do_in_sum(
-    leans: tuple[float, float], tilt: float, beside: float, drawn: tuple[int, ...]
+    leans: tuple[float, float], tilt: float, beside: float, drawn: tuple[int, ...], share: float
 ) -> None:
     """Body 0 presses in by 0.5 N; body 1 with 0.2 N and 1 N, along normals that lean so far from the skin's [degrees].
 
@@ -68,4 +68,6 @@ def test_a_body_draws_skin_out_if_its_normal_forces_do_in_sum(
     bodies = ContactBody(BLOCK), ContactBody(BLOCK, translation=np.array([beside, 0.0, 0.0]))
     solution = SimpleNamespace(loaded=np.ones(4, bool), normals=normals, normal_force=size)
     step: Any = SimpleNamespace(solution=solution, gaps=SimpleNamespace(body=np.array([0, 0, 1, 1]), bodies=bodies))
-    assert PressWatch().pulling(step, inward) == drawn
+    found, bodies_that_draw = PressWatch().outward(step, inward)
+    assert bodies_that_draw == drawn
+    assert found == pytest.approx(share / size.sum(), abs=1e-12)

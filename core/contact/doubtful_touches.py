@@ -35,7 +35,8 @@ class Doubt(NamedTuple):
 
     Attributes:
         code, what, remedy: of the finding. `what` states the largest changes of the force that were measured.
-        below: friction below which it is told: from there on, at most one touch in twenty changed by more than 1 %.
+        below: friction below which it is told. With this friction or more, at most one touch in twenty changed by more
+            than 1 %.
     """
 
     code: str

@@ -22,9 +22,9 @@ from .posed_records import corners_about
 # Loss of force that is tolerated while all bodies press deeper: as a share of the largest force, and as a force over
 # the skin's modulus [m^2]. The latter is 1 mN for skin of 100 kPa.
 LOST, LEAST = 0.02, 1e-8
-# Share of the normal force that may draw the skin outward. It is on faces that look away from the finger, where points
-# that are lifted into the finger do not see the gap: so much of the force is not known, and 1 % is what shifts of the
-# finger by a micrometre may change.
+# Share of the normal force that may draw the skin outward. Such a force acts on faces that look away from the finger.
+# Their gap is not known, because points look at objects from places that are lifted into the finger. The limit is that
+# of a change of the force by a shift of a micrometre, see `INVARIANCE` in tests/stress/tolerances.py.
 HANGS = 0.01
 MODULUS = 1e5  # default Young's modulus, that of the preset fingers [Pa]
 

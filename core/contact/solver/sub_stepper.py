@@ -376,7 +376,8 @@ class SubStepper:
         for index in pulling:
             self._leave(index, "passed-through", PAST, LESS)
         if share > HANGS and not pulling:
-            self._warn("hangs-behind", HANGING, HANGING_LESS, value=f"{share:.0%} of the force")
+            value, limit = f"{share:.1%} of the normal force", f"<= {HANGS:.0%}"
+            self._warn("hangs-behind", HANGING, HANGING_LESS, value=value, limit=limit)
         return self._last(self._felt(bodies)) if pulling else step
 
     def _anew(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:

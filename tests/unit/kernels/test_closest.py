@@ -221,6 +221,30 @@ def test_hints_change_no_byte_of_solids_that_run_through_each_other(tmp_path: Pa
         assert ((hints >= 0) == np.isfinite(gap)).all() and hints.max() < count
 
 
+def test_solids_that_are_left_out_by_their_boxes_change_no_byte() -> None:
+    """With boxes without bounds, every solid is measured."""
+    ball, rng = Surface.sphere(2e-3, 320), np.random.default_rng(1)
+    vertices = np.concatenate([ball.vertices + [3e-3 * k, 0.5e-3 * (k % 3), 0.0] for k in range(7)])
+    surface = Surface.build(vertices, np.concatenate([ball.triangles + k * len(ball.vertices) for k in range(7)]))
+    points = rng.uniform(surface.box[0] - 2e-3, surface.box[1] + 2e-3, (2000, 3))
+    points[:300] = surface.vertices[rng.integers(0, len(vertices), 300)] + [0.0, 0.0, 1e-3]
+    assert len(surface.solids) == 7
+    for limit in (0.0, 0.5e-3, np.inf):
+        wanted, body = surface._body.query(points, limit), surface._body
+        chain: KernelBody | None = body
+        kept = []
+        while chain is not None:
+            kept.append((chain.record, list(chain.record.low), list(chain.record.high)))
+            chain.record.low[:], chain.record.high[:] = [-np.inf] * 3, [np.inf] * 3
+            chain = chain._other
+        found = body.query(points, limit)
+        for record, low, high in kept:
+            assert np.isfinite(low).all() and np.isfinite(high).all()
+            record.low[:], record.high[:] = low, high
+        for name in ("gap", "triangle", "normal", "point", "weights"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(wanted, name))
+
+
 def test_points_beyond_measure_and_tiny_and_huge_surfaces_are_answered() -> None:
     """Single precision bounds nothing there: every triangle is looked at."""
     vertices = Surface.sphere(5e-3, 500).vertices

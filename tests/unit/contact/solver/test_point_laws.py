@@ -196,6 +196,7 @@ def test_what_skin_is_dragged_past_is_pressed_onto_it_anew_and_never_pulls(pad):
     told, hangs = findings["slides-past"], findings["hangs-behind"]
     assert told.count == 1 and (force[:, 2] >= 0.0).all()
     assert len(deep) < hangs.frame < told.frame == hangs.frame + hangs.count  # in every sample until it is pressed anew
+    assert str(hangs.value).endswith("% of the normal force") and hangs.limit == "<= 1%"
     frame = int(told.frame)
     anew, y = stepper(pad), bodies[frame].translation[1]
     for z in np.linspace(-0.2e-3, deep[-1], 16):

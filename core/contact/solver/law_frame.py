@@ -26,7 +26,7 @@ from .path_step import SolvedFrame
 ROUNDS = 80  # largest number of alternations between contact and the law
 USABLE = 0.1  # residual of the law up to which a solution is better than that of linear skin
 # Numbers of parts that are tried: for the movement since the last frame, and for straight pressing.
-PARTS, STRAIGHT = (1, 4, 16), (4, 16)
+PARTS, STRAIGHT = (4, 16), (4, 16)
 
 
 class LinearContact(Protocol):
@@ -101,8 +101,9 @@ def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft
     if law.settled:
         return found
     best, least = found, law.save()
+    tried = before.left == np.inf  # it failed in the last frame; less is tried then, since it takes seconds
     way = np.nan_to_num(_moved(solver, gaps, gaps.body))
-    for parts in PARTS if way.any() else PARTS[:1]:
+    for parts in PARTS[: 1 if tried else None] if way.any() else ():
         law.restore(before)
         found, ends = _walked(solver, law, b, gaps, soft, start, way, parts)
         if law.settled:
@@ -110,7 +111,6 @@ def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft
         if ends and law.left < least.left:
             best, least = found, law.save()
     none = np.zeros_like(b)
-    tried = before.left == np.inf  # it failed in the last frame; not tried in every frame, since it takes seconds
     fixed = replace(gaps, where=None)  # so far from its solution, a gap that follows the points leads astray
     for parts in STRAIGHT if least.left > USABLE and not tried else ():
         law.reset()

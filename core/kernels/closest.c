@@ -5,8 +5,7 @@
 
    On a convex body a triangle is the closest one if it is closer than its neighbours. The search then walks from
    triangle to triangle, downhill from the hint, and needs no tree. Where it cannot exclude that another triangle is
-   equally close, the tree decides. Where there is no hint, or the closest triangle is far from it, the walk begins where
-   the nearest boxes of the tree lead. */
+   equally close, the tree decides, as it does where there is no hint or the closest triangle is far from it. */
 #include "closest.h"
 
 #include "boxes.h"
@@ -23,9 +22,14 @@
 #define TIES 32
 /* A weight up to this counts as zero: the closest point is then on an edge or a corner. */
 #define ON_FEATURE 1e-9
-/* Largest number of steps of a walk: as many take nearly as long as the tree. FARTHEST_WALK: largest distance of a point
-   for which it decides [m]. */
-#define STEPS 4
+/* Largest numbers of steps of a walk: CROSSED triangles that only a point's projection leaves, then STEPS that measure the
+   distance. As many take nearly as long as the tree. FARTHEST_WALK: largest distance of a point for which a walk decides
+   [m]. ON_PLANE: depth of a point below a plane, by rounding, at which it counts as on it [m]. MARGIN: the walk decides for
+   such a point only this far from the triangle's edges [m]: faces meet at more than 1e-5 rad, so others are farther. */
+#define CROSSED 16
+#define STEPS 8
+#define ON_PLANE 1e-12
+#define MARGIN 1e-6
 #define FARTHEST_WALK 10e-3
 /* A body with triangles that rise above the plane of another one by more than this share of its size is not convex.
    Boxes of triangles in the plane do not rise so far, with all rounding errors of single precision. */
@@ -323,47 +327,45 @@ static int clear(const hit *of, double area, int but, double square) {
 
    A point of another triangle at a distance s from the closest point is above its plane by at most the bulge b. Its
    squared distance is therefore at least d^2 + s^2 - 2 b d. Beside an edge, b is multiplied by a + c, where the direction
-   to x is a times the one normal plus c times the other. edge: of `found` on which the closest point lies, -1 for none.
+   to x is a times the one normal plus c times the other. If x is on the plane, or at most ON_PLANE below it, other triangles
+   are farther if s is at least MARGIN. edge: of `found` on which the closest point lies, -1 for none.
    facing, facing_of_next: rows of `dermis_convex` for both triangles (4). */
 static int only(const hit *found, const double *facing, const hit *next, const double *facing_of_next, int edge, int edge_of_next, double bulge, const double *x) {
     double distance = dermis_root(found->square), times = 1.0, v[3];
     for (int k = 0; k < 3; k++) v[k] = x[k] - found->row[k];
-    if (!(dermis_dot(v, facing) > 0.0)) return 0;
+    double height = dermis_dot(v, facing);
     if (edge >= 0) {
         times = 2.0 / dermis_most(1.0 + dermis_dot(facing, facing_of_next), 1e-6);
         for (int k = 0; k < 3; k++) v[k] = x[k] - next->row[k];
-        if (!(dermis_dot(v, facing_of_next) > 0.0)) return 0;
+        height = dermis_least(height, dermis_dot(v, facing_of_next));
     }
+    if (!(height > -ON_PLANE)) return 0;
     double square = 4.0 * (times * bulge * distance + TIE * found->square);
+    if (height < ON_PLANE) square = dermis_most(square, MARGIN * MARGIN);
     return times * distance <= FARTHEST_WALK && clear(found, facing[3], edge, square) && (edge < 0 || clear(next, facing_of_next[3], edge_of_next, square));
 }
 
-/* Return the slot of a triangle that is near a point: go down the tree to the nearest box of each node; -1 if it is empty. */
-static int64_t dive(const dermis_tree *tree, const double *x) {
-    int64_t inner = (((int64_t)1 << 2 * tree->depth) - 1) / 3, blocks = (tree->count + DERMIS_LANES - 1) / DERMIS_LANES, node = 0, best = -1;
-    float least[DERMIS_LANES], nearest = __builtin_inff();
-    dermis_place place;
-    if (!dermis_placed(tree, x, &place)) return -1;
-    while (node < inner) {
-        int child = 0;
-        dermis_away(tree->boxes + node * DERMIS_BOXES, &place, least);
-        for (int k = 1; k < DERMIS_LANES; k++)
-            if (least[k] < least[child]) child = k;
-        node = 4 * node + 1 + child;
+/* Walk from a slot to a triangle near a point: cross the edge whose opposite corner has the least weight in the point's
+   projection on the plane. */
+static int64_t crossed(const dermis_tree *tree, const int64_t *beside, const double *x, int64_t slot) {
+    int64_t before = -1;
+    for (int step = 0; step < CROSSED; step++) {
+        const double *row = tree->packed + slot * DERMIS_ROW;
+        double v[3] = {x[0] - row[0], x[1] - row[1], x[2] - row[2]}, u, w;
+        dermis_solved(row, dermis_dot(v, row + AB), dermis_dot(v, row + AC), &u, &w);
+        double a = 1.0 - u - w, least = dermis_least(a, dermis_least(u, w));
+        if (!(least < 0.0)) return slot;
+        int64_t next = beside[3 * slot + (least == a ? 1 : least == u ? 2 : 0)];
+        if (next < 0 || next == before) return slot;
+        before = slot, slot = next;
     }
-    int64_t j = node - inner, low = j * blocks >> 2 * tree->depth, high = (j + 1) * blocks >> 2 * tree->depth;
-    for (int64_t b = low; b < high; b++) {
-        dermis_away(tree->boxes + (inner + b) * DERMIS_BOXES, &place, least);
-        for (int k = 0; k < DERMIS_LANES && b * DERMIS_LANES + k < tree->count; k++)
-            if (least[k] < nearest) nearest = least[k], best = b * DERMIS_LANES + k;
-    }
-    return best;
+    return slot;
 }
 
-/* Walk from a slot to the closest triangle; return 1 or 0 as `dermis_find_closest` does, -1 if it is not decided, and -2 if
-   it is farther than STEPS. */
-static int descend(const dermis_tree *tree, const dermis_convex *convex, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
+int dermis_walk_to_closest(const dermis_tree *tree, const dermis_convex *convex, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
     const int64_t *beside = convex->beside;
+    if (*slot < 0) return -1;
+    *slot = crossed(tree, beside, x, *slot);
     hit found = measured_in(tree, x, *slot);
     for (int step = 0; step < STEPS; step++) {
         double weights[3] = {dermis_most(1.0 - found.u - found.w, 0.0), found.u, found.w};
@@ -391,12 +393,5 @@ static int descend(const dermis_tree *tree, const dermis_convex *convex, const d
         if (over.row[NUMBER] < found.row[NUMBER]) found = over, *slot = next;
         return answer(&found, *slot, out);
     }
-    return -2;
-}
-
-int dermis_walk_to_closest(const dermis_tree *tree, const dermis_convex *convex, const double *x, double limit, int64_t *slot, dermis_closest_point *out) {
-    int found = *slot < 0 ? -2 : descend(tree, convex, x, limit, slot, out);
-    if (found != -2) return found;
-    *slot = dive(tree, x);
-    return *slot < 0 ? -1 : descend(tree, convex, x, limit, slot, out);
+    return -1;
 }

@@ -448,6 +448,24 @@ def test_a_walk_on_a_convex_body_finds_what_the_tree_finds(shape: str, noise: fl
         body.record.convex = None
 
 
+@pytest.mark.parametrize("degrees", [0.5, 2.0, 10.0, 60.0])
+def test_a_walk_beside_the_edge_of_a_thin_wedge_finds_what_the_tree_finds(degrees: float) -> None:
+    """Points on both faces in turn, so that each hint is on the other face; from there they may be below its plane."""
+    slope = np.tan(np.radians(degrees))
+    ends = [(0.0, 0.0), (10e-3, 0.0), (10e-3, 10e-3 * slope)]
+    vertices = np.array([[x, y, z] for x, z in ends for y in (-5e-3, 5e-3)])
+    triangles = np.array([[0, 2, 1], [1, 2, 3], [0, 1, 4], [1, 5, 4], [2, 4, 3], [3, 4, 5], [0, 4, 2], [1, 3, 5]])
+    surface, rng = Surface.build(vertices, triangles[:, ::-1]), np.random.default_rng(0)
+    x, y = 10.0 ** rng.uniform(-12.0, -4.0, 20000), rng.uniform(-4e-3, 4e-3, 20000)
+    points, body = np.stack([x, y, np.where(np.arange(len(x)) % 2, slope * x, 0.0)], axis=1), surface.kernel_body
+    by_tree = body.query(points, np.inf)
+    body.find_convexity()
+    assert body.record.convex
+    by_walk = body.query(points, np.inf)
+    for name in ("gap", "triangle", "normal", "point", "weights"):
+        np.testing.assert_array_equal(getattr(by_walk, name), getattr(by_tree, name))
+
+
 def test_bodies_that_are_not_convex_are_left_to_the_tree() -> None:
     ball = Surface.sphere(5e-3, 1280)
     dented = ball.vertices.copy()

@@ -47,15 +47,15 @@ class Doubt(NamedTuple):
 
 CORNER = Doubt(
     "sharp-corner",
-    "the skin touches a sharp corner: its force may change by 15 % with a shift of 1 um, and without friction by 75 % "
+    "the skin touches a sharp corner: its force may change by 19 % with a shift of 1 um, and without friction by 77 % "
     "with the way there",
     "Round the corner by 0.5 mm, or give the object a friction of 0.6 or more",
     0.6,
 )
 RIM = Doubt(
     "open-rim",
-    "the skin touches an open surface near its rim: its force may change by 6 % with a shift of 1 um, and without "
-    "friction by 42 % with the way there",
+    "the skin touches an open surface near its rim: its force may change by 8 % with a shift of 1 um, and without "
+    "friction by 22 % with the way there",
     "Continue the surface by some millimetres, or give it a thickness",
     np.inf,
 )

@@ -242,8 +242,7 @@ typedef struct {
     int64_t coarsest, many;      /* see point_tree.py */
     int64_t thorough;            /* 1: test points are evaluated even if one flat face is all that is near; the
                                     resulting cells are the same */
-    int64_t most;                /* capacity of the arrays below; 4 per root are enough if `coarsest` is at most 1 */
-    int64_t *room;               /* workspace (2, most) */
+    int64_t most;                /* capacity of `leaves` and `clearance`; 4 per root are enough if `coarsest` is at most 1 */
     int64_t finest;              /* largest number of times that a side may be halved; out: what was possible */
     int64_t found;               /* out: number of cells that may touch */
     int64_t *leaves;             /* out: cells that may touch (found) */

@@ -1,8 +1,9 @@
 /* The search for cells of a pad that may touch: an adaptive quadtree, divided where the normals of bodies turn.
 
    For each cell, the gap and normal of the closest body are found at its centre and at four test points near its
-   corners. core/contact/solver/point_tree.py explains the rule for division and its constants. A direction of division
-   is a number of two bits: bit 0 halves the first side (along the finger), bit 1 the second (around it). */
+   corners. Its parts are visited before the next cell of its size. core/contact/solver/point_tree.py explains the rule
+   for division and its constants. A direction of division is a number of two bits: bit 0 halves the first side (along
+   the finger), bit 1 the second (around it). */
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
@@ -17,6 +18,23 @@ static int64_t find(const dermis_survey *s, int64_t root, const int64_t *halved,
     return first + code;
 }
 
+/* The centre of a cell, and the body below it. */
+typedef struct {
+    double x[3], inward[3]; /* of undeformed skin [m]; direction into the finger */
+    double top, room;       /* height at which the search for the body began, and the gap there: no body is nearer [m] */
+    double at[3];           /* where the line from inside the finger meets the body [m] */
+    double height, nearest; /* gap at the centre; the same, or less if the line passed a body on the way [m] */
+    dermis_sight sight;     /* the body at `at` */
+    int passed, within;     /* 1: the line passed such a body within the range of interest; 1: the place nearest to the line is in
+                               the cell */
+} centre;
+
+/* The place at which a line that goes down passes nearest to a body, before it ends. */
+typedef struct {
+    double room, gap, at[3]; /* gap where the line begins, least gap before its end, and where that is [m] */
+    dermis_sight sight;      /* the body there */
+} passage;
+
 /* Heights over the bodies and their normals below a cell's centre and four test points, see `descend`. */
 typedef struct {
     double middle, gap[4];  /* heights at the centre and at the test points [m] */
@@ -29,10 +47,11 @@ typedef struct {
 
    Deformed skin meets the faces that it meets from above. Faces below, such as the far side of a card or a wall inside
    a body, are not seen. x: in, the point; out, where the line ends [m]. height: out, gap of the point from the face that the
-   line meets; infinite if no body is within `limit` of the point [m]. */
-static dermis_sight descend(const dermis_survey *s, double *x, const double *inward, double up, double limit, dermis_sight hint, double *height) {
+   line meets; infinite if no body is within `limit` of the point [m]. by: out; its gaps are infinite where no body is near. */
+static dermis_sight descend(const dermis_survey *s, double *x, const double *inward, double up, double limit, dermis_sight hint, double *height, passage *by) {
     double from[3] = {x[0], x[1], x[2]};
     dermis_sight sight = hint;
+    by->room = by->gap = __builtin_inf();
     for (int tries = 0; tries < 10; tries++) {
         for (int k = 0; k < 3; k++) x[k] = from[k] + up * inward[k];
         dermis_look(s->posed, s->bodies, up + limit, s->limit, x, inward, &sight);
@@ -40,7 +59,12 @@ static dermis_sight descend(const dermis_survey *s, double *x, const double *inw
             *height = __builtin_inf();
             return sight;
         }
+        if (tries == 0) by->room = sight.gap;
         if (up <= 0.0 || dermis_abs(sight.gap) <= s->deep) break;
+        if (sight.gap > 0.0 && sight.gap < by->gap) {
+            by->gap = sight.gap, by->sight = sight;
+            for (int k = 0; k < 3; k++) by->at[k] = x[k];
+        }
         up = dermis_most(up - sight.gap / dermis_most(dermis_dot(inward, sight.normal), s->steep), 0.0);
     }
     *height = sight.gap - up * dermis_most(dermis_dot(inward, sight.normal), s->steep);
@@ -60,35 +84,51 @@ static void corners_of(const dermis_survey *s, int64_t cell, double share, doubl
     }
 }
 
-/* Look down at four test points, given relative to the cell's centre (4, 3) [m].
+/* Return the height above a point of undeformed skin x [m] from which its body is looked for, after that of a cell's centre.
 
-   middle: what is closest to the centre. hints: what was closest to the test points of the cell before (4). */
-static void look_about(const dermis_survey *s, int64_t cell, const double *corners, dermis_sight middle, dermis_sight *hints, footprint *out) {
-    double inward[3];
-    for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
-    double steep = dermis_most(dermis_dot(inward, middle.normal), s->steep);
-    for (int corner = 0; corner < 4; corner++) {
-        double x[3];
-        for (int k = 0; k < 3; k++) x[k] = s->positions[3 * cell + k] + corners[3 * corner + k];
-        /* the face below the centre is met here, unless it turns */
-        double up = dermis_most((-out->middle - dermis_dot(corners + 3 * corner, middle.normal)) / steep, 0.0);
-        dermis_sight *sight = hints + corner;
-        if (sight->body < 0) *sight = middle;
-        *sight = descend(s, x, inward, dermis_least(up, s->above), s->limit, *sight, &out->gap[corner]);
-        for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = sight->normal[k];
-    }
+   inward: direction into the finger at x (3). The ball around the place where the search at the centre began, which reaches to
+   the nearest body, contains nothing. */
+static double start_in(const centre *of, const double *x, const double *inward) {
+    double off[3];
+    for (int k = 0; k < 3; k++) off[k] = x[k] - of->x[k] + of->top * (inward[k] - of->inward[k]);
+    return dermis_most(of->top - dermis_most(of->room - dermis_root(dermis_dot(off, off)), 0.0), 0.0);
 }
 
-/* Whether the flat face that is closest to the centre is also closest to all `count` test points: nothing else is
+/* The same for a test point, at `way` from the centre: the face below the centre is met here, unless it turns, or the line
+   to it passed another body. */
+static double start_at(const dermis_survey *s, const centre *of, const double *x, const double *way) {
+    double steep = dermis_most(dermis_dot(of->inward, of->sight.normal), s->steep);
+    if (of->passed) return start_in(of, x, of->inward);
+    return dermis_least(dermis_most((-of->height - dermis_dot(way, of->sight.normal)) / steep, 0.0), s->above);
+}
+
+/* Whether the flat face below a place is also closest to all `count` test points around it (count, 3): nothing else is
    near. */
-static int flat(const dermis_survey *s, int64_t cell, const double *at, const double *corners, int count, const dermis_sight *sight) {
-    double radius = 0.0, steep = dermis_most(-dermis_dot(s->normals + 3 * cell, sight->normal), s->steep);
+static int flat(const dermis_survey *s, const centre *of, const double *at, const double *corners, int count, const dermis_sight *sight) {
+    double radius = 0.0, steep = dermis_most(dermis_dot(of->inward, sight->normal), s->steep);
+    if (s->thorough || of->passed) return 0;
     for (int corner = 0; corner < count; corner++) {
         const double *way = corners + 3 * corner;
         double above = sight->gap + dermis_dot(way, sight->normal);
         radius = dermis_most(radius, dermis_root(dermis_dot(way, way)) + dermis_abs(above) / steep);
     }
     return dermis_sees_plane(s->posed, s->bodies, at, radius, sight);
+}
+
+/* Look down at four test points, given relative to the cell's centre (4, 3) [m].
+
+   hints: what was closest to the test points of the cell before (4). */
+static void look_about(const dermis_survey *s, const centre *of, const double *corners, dermis_sight *hints, footprint *out) {
+    for (int corner = 0; corner < 4; corner++) {
+        double x[3], up;
+        passage by;
+        for (int k = 0; k < 3; k++) x[k] = of->x[k] + corners[3 * corner + k];
+        up = start_at(s, of, x, corners + 3 * corner);
+        dermis_sight *sight = hints + corner;
+        if (sight->body < 0) *sight = of->sight;
+        *sight = descend(s, x, of->inward, up, s->limit, *sight, &out->gap[corner], &by);
+        for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = sight->normal[k];
+    }
 }
 
 /* Return the largest difference between normals at two test points. */
@@ -145,15 +185,17 @@ static void lean(const dermis_survey *s, int64_t cell, const footprint *of, cons
     }
 }
 
-/* Return the sides of a cell that may be halved once more, and of these the ones along which the normals lean. */
-static int64_t leaning_of(const dermis_survey *s, int64_t cell, const footprint *of, const double *corners) {
+/* Return the sides of a cell that may be halved once more. */
+static int64_t sides_of(const dermis_survey *s, int64_t cell) {
     const int64_t *halved = s->halved + 2 * cell;
+    return (halved[0] < s->finest) | (halved[1] < s->finest) << 1;
+}
+
+/* Return those of these sides along which the normals lean. */
+static int64_t leaning_of(const dermis_survey *s, int64_t cell, const footprint *of, const double *corners) {
     double leaning[2];
-    int64_t way = 0;
     lean(s, cell, of, corners, leaning);
-    for (int axis = 0; axis < 2; axis++)
-        if (halved[axis] < s->finest && leaning[axis] > s->odd * leaning[1 - axis]) way |= 1 << axis;
-    return way;
+    return sides_of(s, cell) & ((leaning[0] > s->odd * leaning[1]) | (leaning[1] > s->odd * leaning[0]) << 1);
 }
 
 /* Whether a body with edges is closest to the centre, or within the farthest of the `count` test points of it. */
@@ -171,57 +213,60 @@ static int edges_near(const dermis_survey *s, const double *at, const double *in
     return 0;
 }
 
+/* Return the sides of a cell that an edge beside it may halve once more.
+
+   A side that was halved less often than the other one is left out: where an edge crosses it, a larger cell that contains
+   this one was near that edge as well. */
+static int64_t sides_beside(const dermis_survey *s, int64_t cell) {
+    const int64_t *halved = s->halved + 2 * cell;
+    return sides_of(s, cell) & ((halved[0] >= halved[1]) | (halved[1] >= halved[0]) << 1);
+}
+
 /* Return the direction in which a cell is divided for a body that is below it, or up to `beyond` beside it; 0 for none.
 
    The first four test points show whether the body is curved at the cell itself. The second four are farther out: they
    show edges beside the cell. */
-static int64_t way_below(const dermis_survey *s, int64_t cell, const double *at, const double *inward, const dermis_sight *middle, dermis_sight *hints, double height) {
-    footprint of = {.middle = height, .steps = s->posed[middle->body].body != NULL};
-    double nearest = height, corners[24];
+static int64_t way_below(const dermis_survey *s, int64_t cell, const centre *of, dermis_sight *hints) {
+    footprint print = {.middle = of->height, .steps = s->posed[of->sight.body].body != NULL};
+    int64_t beside = sides_beside(s, cell), way = 0;
+    double nearest = of->nearest, corners[24];
     corners_of(s, cell, s->corners, 0.0, corners);
     corners_of(s, cell, 0.5, s->beyond, corners + 12);
-    if (!s->thorough && flat(s, cell, at, corners, 8, middle)) return 0;
-    for (int k = 0; k < 3; k++) of.normal[0][k] = middle->normal[k];
-    look_about(s, cell, corners, *middle, hints, &of);
-    for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of.gap[corner]);
-    if (nearest >= s->limits[cell]) return 0;
-    int64_t way = apart(&of) > s->turned || bent(s, &of, corners) > s->bent ? leaning_of(s, cell, &of, corners) : 0;
-    if (!edges_near(s, at, inward, corners, 8, middle)) return way;
-    look_about(s, cell, corners + 12, *middle, hints + 4, &of);
-    if (apart(&of) > s->edge) way |= leaning_of(s, cell, &of, corners + 12);
+    if (flat(s, of, of->at, corners, beside ? 8 : 4, &of->sight)) return 0;
+    for (int k = 0; k < 3; k++) print.normal[0][k] = of->sight.normal[k];
+    if (beside && flat(s, of, of->at, corners, 4, &of->sight)) {
+        for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of->height + dermis_dot(corners + 3 * corner, of->sight.normal));
+        if (nearest >= s->limits[cell]) return 0;
+    } else {
+        look_about(s, of, corners, hints, &print);
+        for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, print.gap[corner]);
+        if (nearest >= s->limits[cell]) return 0;
+        if (apart(&print) > s->turned || bent(s, &print, corners) > s->bent)
+            way = leaning_of(s, cell, &print, corners);
+        else if (of->within) /* it lies between the test points */
+            way = sides_of(s, cell);
+    }
+    if (!(beside & ~way) || !edges_near(s, of->at, of->inward, corners, 8, &of->sight)) return way;
+    look_about(s, of, corners + 12, hints + 4, &print);
+    if (apart(&print) > s->edge) way |= beside & leaning_of(s, cell, &print, corners + 12);
     return way;
 }
 
 /* Return the direction in which a cell is divided for an edge up to `beyond` beside the place to which it was dragged. */
-static int64_t way_dragged(const dermis_survey *s, int64_t cell, const double *at, const double *inward, const dermis_sight *middle, dermis_sight *hints, double height) {
-    footprint of = {.middle = height, .steps = s->posed[middle->body].body != NULL};
-    double corners[12], there[3], shift[3], along = dermis_dot(s->drag, inward);
-    dermis_sight sight = *middle;
+static int64_t way_dragged(const dermis_survey *s, int64_t cell, const centre *of, dermis_sight *hints) {
+    footprint print = {.middle = of->height, .steps = s->posed[of->sight.body].body != NULL};
+    int64_t beside = sides_beside(s, cell);
+    double corners[12], there[3], shift[3], along = dermis_dot(s->drag, of->inward);
+    dermis_sight sight = of->sight;
+    if (!beside || !(dermis_dot(s->drag, s->drag) > 0.0)) return 0;
     corners_of(s, cell, 0.5, s->beyond, corners);
-    for (int k = 0; k < 3; k++) shift[k] = s->drag[k] - along * inward[k], there[k] = at[k] + shift[k], of.normal[0][k] = middle->normal[k];
+    for (int k = 0; k < 3; k++) shift[k] = s->drag[k] - along * of->inward[k], there[k] = of->at[k] + shift[k], print.normal[0][k] = sight.normal[k];
     sight.gap += dermis_dot(shift, sight.normal);
-    if (!s->thorough && flat(s, cell, there, corners, 4, &sight)) return 0;
-    if (!edges_near(s, there, inward, corners, 4, &sight)) return 0;
+    if (flat(s, of, there, corners, 4, &sight) || !edges_near(s, there, of->inward, corners, 4, &sight)) return 0;
     for (int corner = 0; corner < 4; corner++)
         for (int k = 0; k < 3; k++) corners[3 * corner + k] += shift[k];
-    look_about(s, cell, corners, *middle, hints, &of);
-    return apart(&of) > s->edge ? leaning_of(s, cell, &of, corners) : 0;
-}
-
-/* Return the direction in which a cell is divided, 0 for none. hints: what was closest to test points before (12). */
-static int64_t way_of(const dermis_survey *s, int64_t cell, const double *at, const dermis_sight *middle, dermis_sight *hints, double height) {
-    const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
-    double inward[3];
-    if (halved[0] >= s->finest && halved[1] >= s->finest) return 0;
-    for (int k = 0; k < 3; k++) inward[k] = -s->normals[3 * cell + k];
-    int64_t way = way_below(s, cell, at, inward, middle, hints, height);
-    if (!way && dermis_dot(s->drag, s->drag) > 0.0) way = way_dragged(s, cell, at, inward, middle, hints + 8, height);
-    return some[way];
-}
-
-/* Return the point at the centre of a cell in undeformed skin, and the direction into the finger there. */
-static void centre_of(const dermis_survey *s, int64_t cell, double *x, double *inward) {
-    for (int k = 0; k < 3; k++) x[k] = s->positions[3 * cell + k], inward[k] = -s->normals[3 * cell + k];
+    look_about(s, of, corners, hints, &print);
+    return apart(&print) > s->edge ? beside & leaning_of(s, cell, &print, corners) : 0;
 }
 
 /* Return the largest gap of interest at the centre of a cell [m]. */
@@ -229,41 +274,87 @@ static double near_of(const dermis_survey *s, int64_t cell) {
     return dermis_least(s->limit, s->limits[cell] + s->beside * s->longs[cell]);
 }
 
-/* Walk the tree level by level; return 0 if more than `many` cells may touch. */
-static int walk(dermis_survey *s, int64_t many) {
-    int64_t *cells = s->room, *next = cells + s->most, count = s->roots;
-    s->found = 0;
-    for (int64_t i = 0; i < count; i++) cells[i] = i;
-    while (count) {
-        int64_t after = 0;
-        dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1}, hints[12];
-        for (int i = 0; i < 12; i++) hints[i] = sight;
-        for (int64_t i = 0; i < count; i++) {
-            int64_t cell = cells[i], way = 0;
-            double x[3], inward[3], height;
-            centre_of(s, cell, x, inward);
-            sight = descend(s, x, inward, s->above, near_of(s, cell), sight, &height);
-            if (sight.body < 0) continue;
-            const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
-            if ((some[1] || some[2] || some[3]) && height < s->limits[cell] + s->beside * s->longs[cell])
-                way = way_of(s, cell, x, &sight, hints, height);
-            if (!way) {
-                if (height >= s->limits[cell]) continue;
-                if (s->found >= many) return 0;
-                s->clearance[s->found] = height, s->leaves[s->found++] = cell;
-                continue;
-            }
-            if (after + 4 > s->most) return 0;
-            int64_t step[2] = {way & 1, way >> 1}, finer[2] = {halved[0] + step[0], halved[1] + step[1]};
-            for (int64_t a = 0; a <= step[0]; a++)
-                for (int64_t b = 0; b <= step[1]; b++) {
-                    int64_t place[2] = {(s->place[2 * cell] << step[0]) + a, (s->place[2 * cell + 1] << step[1]) + b};
-                    next[after++] = find(s, s->root[cell], finer, place);
-                }
-        }
-        int64_t *other = cells;
-        cells = next, next = other, count = after;
+/* Return the direction in which a cell is divided, 0 for none. hints: what was closest to test points before (12). */
+static int64_t way_of(const dermis_survey *s, int64_t cell, const centre *of, dermis_sight *hints) {
+    const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
+    if (!(some[1] || some[2] || some[3]) || !sides_of(s, cell) || of->nearest >= near_of(s, cell)) return 0;
+    int64_t way = way_below(s, cell, of, hints);
+    return some[way ? way : way_dragged(s, cell, of, hints + 8)];
+}
+
+/* Whether the place of a body that is nearest to a line which passed it lies in the cell. */
+static int within(const dermis_survey *s, int64_t cell, const centre *of, const passage *by) {
+    for (int axis = 0; axis < 2; axis++) {
+        const double *side = s->sides + 6 * cell + 3 * axis;
+        double way[3];
+        for (int k = 0; k < 3; k++) way[k] = by->at[k] - by->gap * by->sight.normal[k] - of->x[k];
+        if (dermis_abs(dermis_dot(way, side)) > 0.5 * dermis_dot(side, side)) return 0;
     }
+    return 1;
+}
+
+/* Whether a line that came near a body went on below it.
+
+   It did not if it ended on the plane there within one step, or if the body's face looks up from one step farther down. */
+static int passes(const dermis_survey *s, const centre *of, const passage *by) {
+    double fall[3], x[3], step = by->gap / s->steep + s->deep;
+    for (int k = 0; k < 3; k++) fall[k] = of->at[k] - by->at[k];
+    double above = by->gap + dermis_dot(fall, by->sight.normal), down = dermis_least(-dermis_dot(fall, of->inward), step);
+    if (of->sight.body >= 0 && dermis_abs(above) <= s->bent && down < step) return 0;
+    dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1};
+    for (int k = 0; k < 3; k++) x[k] = by->at[k] - down * of->inward[k];
+    dermis_look(s->posed + by->sight.body, 1, by->gap + down, s->limit, x, of->inward, &sight);
+    return sight.body < 0 || dermis_dot(of->inward, sight.normal) < s->steep;
+}
+
+/* Find the body below the centre of a cell.
+
+   Where there is none, or it is too far, the body takes its place that the line passed on the way there. whole: the divided
+   cell, null for a root. hint: what was closest to the centre of the cell before. */
+static void look_below(const dermis_survey *s, int64_t cell, const centre *whole, dermis_sight hint, centre *out) {
+    double near = near_of(s, cell);
+    passage by;
+    for (int k = 0; k < 3; k++) out->at[k] = out->x[k] = s->positions[3 * cell + k], out->inward[k] = -s->normals[3 * cell + k];
+    out->top = whole == NULL ? s->above : start_in(whole, out->x, out->inward);
+    out->sight = descend(s, out->at, out->inward, out->top, near, hint, &out->height, &by);
+    out->room = by.room, out->passed = by.gap < near && passes(s, out, &by), out->within = out->passed && within(s, cell, out, &by);
+    out->nearest = out->passed ? dermis_least(by.gap, out->height) : out->height;
+    if (!out->passed || (out->sight.body >= 0 && out->height < near)) return;
+    out->sight = by.sight, out->height = by.gap;
+    for (int k = 0; k < 3; k++) out->at[k] = by.at[k];
+}
+
+/* Add a cell or its parts to the leaves; return 0 if these become more than `many`.
+
+   whole: the cell that was divided, null for a root. hints: what was closest to the centre and to test points before (13). */
+static int visit(dermis_survey *s, int64_t many, int64_t cell, const centre *whole, dermis_sight *hints) {
+    centre own;
+    look_below(s, cell, whole, hints[12], &own);
+    hints[12] = own.sight;
+    if (own.sight.body < 0) return 1;
+    int64_t way = way_of(s, cell, &own, hints);
+    if (!way) {
+        if (own.nearest >= s->limits[cell]) return 1;
+        if (s->found >= many) return 0;
+        s->clearance[s->found] = own.nearest, s->leaves[s->found++] = cell;
+        return 1;
+    }
+    const int64_t *halved = s->halved + 2 * cell, step[2] = {way & 1, way >> 1}, finer[2] = {halved[0] + step[0], halved[1] + step[1]};
+    for (int64_t a = 0; a <= step[0]; a++)
+        for (int64_t b = 0; b <= step[1]; b++) {
+            int64_t place[2] = {(s->place[2 * cell] << step[0]) + a, (s->place[2 * cell + 1] << step[1]) + b};
+            if (!visit(s, many, find(s, s->root[cell], finer, place), &own, hints)) return 0;
+        }
+    return 1;
+}
+
+/* Visit all roots; return 0 if more than `many` cells may touch. */
+static int walk(dermis_survey *s, int64_t many) {
+    dermis_sight hints[13];
+    for (int i = 0; i < 13; i++) hints[i] = (dermis_sight){0.0, {0.0, 0.0, 0.0}, -1, -1, -1};
+    s->found = 0;
+    for (int64_t root = 0; root < s->roots; root++)
+        if (!visit(s, many, root, NULL, hints)) return 0;
     return 1;
 }
 

@@ -154,7 +154,6 @@ class Survey(Case):
         roots = self.tiles.first[1, 1]
         posed = posed_pair(own, self.solid, self.poses, self.sharpness, self.rounding)
         found = {"leaves": np.zeros(4 * roots, dtype=np.int64), "clearance": np.zeros(4 * roots)}
-        found |= {"room": np.zeros((2, 4 * roots), dtype=np.int64)}
         numbers = {"bodies": 2 - self.alone, "roots": roots, "levels": tiles.levels, "most": 4 * roots}
         names = "first", "ways", "root", "halved", "place"
         arrays = {name: np.ascontiguousarray(getattr(tiles, name)) for name in names}

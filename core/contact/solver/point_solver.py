@@ -128,20 +128,21 @@ class PointSolver(PathSolver):
     def reset(self) -> None:
         """Forget the history: the next frame is solved from rest."""
         self._asked = None
+        self._tree.reset()
         self._new = 0
         self._change(np.arange(len(self.cells)), np.zeros(0, dtype=np.int64))
         super().reset()
 
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`."""
-        own = {"points": self._points.save()}
-        return {**super().save(), **own, "asked": self._asked, "new": self._new}
+        own = {"points": self._points.save(), "asked": self._asked, "new": self._new, "finest": self._tree.finest}
+        return {**super().save(), **own}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state, with its points."""
         self._points.restore(state["points"])
         self._number()
-        self._asked, self._new = state["asked"], state["new"]
+        self._asked, self._new, self._tree.finest = state["asked"], state["new"], state["finest"]
         super().restore(state)
 
     def nodal(self, force: Array) -> Array:

@@ -6,7 +6,8 @@ object is therefore short across the edge and long along it. Normals and gap are
 little outside the cell's own corners, so an object's edge between two cells is detected by both.
 
 The cells follow from the positions of the bodies, the skin at rest, and how far the loaded skin is dragged: skin that
-friction has drawn over an edge is fine where it lies now. The compiled code is in `core/kernels/survey.c`.
+friction has drawn over an edge is fine where it lies now. Only where nearly too many cells may touch, they also follow
+from the last survey, see `BACK`. The compiled code is in `core/kernels/survey.c`.
 """
 
 from __future__ import annotations
@@ -30,9 +31,10 @@ from .posed_records import ROUND, corners_about, posed_records
 TURNED, BENT = 0.3, 0.04e-3
 # FINEST: largest number of halvings of a side.
 # MANY: if more cells than this may touch, the finest level is lowered, one level at a time.
+# BACK: it is raised again once no more cells than this would touch, so that it does not change from frame to frame.
 # COARSEST: the finest level is never lowered below this many halvings, or small bodies would pass between the points.
 # MOST: largest number of points. Cells that carry force are kept first, then those nearest to a body.
-FINEST, MANY, COARSEST, MOST = 2, 1000, 1, 1000
+FINEST, MANY, BACK, COARSEST, MOST = 2, 1000, 900, 1, 1000
 # The lean along a side is the range of the normals' components along it; a larger lean means a surface that turns more.
 # A side is not halved if the lean along it is below ODD times the lean along the other side.
 ODD = 0.4
@@ -46,6 +48,7 @@ CORNERS = 0.75  # distance of the test points from the cell's centre, as a share
 # DRAGGED: mean displacement of the loaded skin above which edges are looked for where the skin was dragged to, too [m].
 # Skin that was dragged less far is within BEYOND.
 # EDGE: difference of the unit normals of its two faces above which it counts.
+# It halves no side that was halved less often than the other one, since a larger cell was near it as well.
 BEYOND, DRAGGED, EDGE = 1e-3, 0.5e-3, 0.9
 # A cell becomes a contact point if its gap is below NEAR times its size plus MARGIN. The size is the square root of the
 # area.
@@ -67,7 +70,7 @@ class PointTree:
         pad: the compliance of the pad, with the chart that contains the cells.
 
     Attributes:
-        finest: largest number of times that a side was halved at the last survey.
+        finest: largest number of times that a side could be halved at the last survey.
     """
 
     def __init__(self, pad: SurfaceCompliance) -> None:
@@ -92,8 +95,12 @@ class PointTree:
         record.turned, record.bent, record.corners, record.beside = TURNED, BENT, CORNERS, BESIDE
         record.edge, record.beyond, record.odd = EDGE, BEYOND, ODD
         record.above, record.deep, record.steep = ABOVE, DEEP, STEEP
-        record.coarsest, record.many, record.round = COARSEST, MANY, ROUND
+        record.coarsest, record.round = COARSEST, ROUND
         return record
+
+    def reset(self) -> None:
+        """Let the next survey divide cells as often as possible."""
+        self.finest = self._most
 
     def survey(
         self, bodies: Sequence[ContactBody], reach: float, bone: Array, loaded: Indices, drag: Array = UNDRAGGED
@@ -113,21 +120,22 @@ class PointTree:
         Raises:
             DermisError: a position is not finite.
         """
-        self.finest = self._most
+        many = MANY if self.finest == self._most else BACK
+        self.reset()
         near, posed = posed_records(bodies, self._corners, reach + self._largest, bone)
         if not near:
             return _NONE
         room = 4 * self.chart.starts[1]
-        out, clearance = np.empty((3, room), dtype=np.int64), np.empty(room)
+        leaves, clearance = np.empty(room, dtype=np.int64), np.empty(room)
         record = self._record
-        record.bodies, record.posed, record.limit, record.finest = len(near), addressof(posed), reach, self._most
-        record.room, record.leaves, record.clearance = address(out), address(out[2]), address(clearance)
-        record.most = room
+        record.bodies, record.posed, record.limit = len(near), addressof(posed), reach
+        record.finest, record.many = self._most, many
+        record.most, record.leaves, record.clearance = room, address(leaves), address(clearance)
         record.drag[:] = (drag if drag @ drag > DRAGGED * DRAGGED else UNDRAGGED).tolist()
         if kernels().find_cells(byref(record)) == records.NOT_FINITE:
             raise _NOT_FINITE.changed()
         self.finest = record.finest
-        cells, found = out[2, : record.found].copy(), clearance[: record.found]
+        cells, found = leaves[: record.found].copy(), clearance[: record.found]
         if len(cells) <= MOST:
             return cells
         found = np.where(np.isin(cells, loaded), -np.inf, found)

@@ -135,6 +135,21 @@ def test_every_point_obeys_coulomb_while_an_edge_slides(pad):
     assert jumps.max() < 0.1 * sliding[:, 2].max()
 
 
+@pytest.mark.parametrize("shift", [0.0, 0.1e-3, 0.2e-3])
+@pytest.mark.parametrize("size", [(0.5e-3, 30e-3), (30e-3, 0.5e-3)])
+def test_a_thin_bar_is_felt_like_the_ridge_of_which_it_is_the_top(pad, size, shift):
+    """The skin beside it does not reach as far down as the bar is high, although skin at rest would be below it."""
+    ends = []
+    for high in (0.3e-3, 20e-3):
+        steps, surface = SubStepper(PointSolver(pad), 8e-3), Surface.block(*size, high)
+        for depth in np.linspace(-0.1e-3, 1.2e-3, 14):
+            place = np.array([shift, shift, depth])
+            step = steps.step([ContactBody(surface, translation=place, friction=0.6)])
+        assert not {"slips-in", "slides-past", "not-converged"} & {found.code for found in steps.solver.findings}
+        ends.append(np.linalg.norm(step.solution.force.sum(axis=0)))
+    assert ends[0] == pytest.approx(ends[1], rel=0.05)
+
+
 def test_the_frame_rate_does_not_matter(pad):
     """A ball pressed and drawn aside: four times the frames, the same force."""
 

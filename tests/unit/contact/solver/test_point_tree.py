@@ -10,7 +10,7 @@ import pytest
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.path_solver import BONE
 from core.contact.solver.point_solver import PointSolver
-from core.contact.solver.point_tree import BEYOND, COARSEST, FINEST, MANY, PointTree
+from core.contact.solver.point_tree import BACK, BEYOND, COARSEST, FINEST, MANY, PointTree
 from core.contact.solver.sub_stepper import SubStepper
 from core.errors import DermisError
 from core.kernels.library import kernels
@@ -107,14 +107,66 @@ def surveyed(tree: PointTree, *bodies: ContactBody) -> np.ndarray:
     return tree.survey(bodies, 2.5e-3, BONE, np.zeros(0, dtype=np.int64))
 
 
+@pytest.mark.parametrize("depth", [0.6e-3, 0.8e-3, 1.0e-3, 1.4e-3])
+@pytest.mark.parametrize("size", [(0.5e-3, 30e-3, 0.3e-3), (30e-3, 0.5e-3, 0.3e-3), (0.5e-3, 0.5e-3, 0.5e-3)])
+def test_no_cell_is_lost_whose_line_down_meets_something_small(
+    pad: SurfaceCompliance, size: tuple[float, float, float], depth: float
+) -> None:
+    """Between the centres of the largest cells, so deep that skin at rest is below it, also above a floor or a wire."""
+    small, chart = Surface.block(*size), pad.chart
+    cells = np.arange(chart.starts[2], chart.starts[3])
+    x, inward = pad.cells.positions[cells], -pad.cells.normals[cells]
+    for shift in (0.0, 0.1e-3, 0.2e-3, 0.3e-3):
+        at = np.array([shift, shift, depth])
+        ends = np.array([[-0.5, -0.5, -1.0], [0.5, 0.5, 0.0]]) * size + at - [[-0.05e-3], [0.05e-3]]
+        with np.errstate(divide="ignore"):
+            ways = np.sort((ends[:, None] - x) / inward, axis=0)
+        enters, leaves = ways[0].max(axis=1), ways[1].min(axis=1)
+        met = cells[(enters <= leaves) & (enters < 2.9e-3) & (leaves > 0.0)]
+        floors = [depth - 1.2e-3, -0.65e-3, -0.75e-3, -0.85e-3]
+        below = [ContactBody(Surface.block(), translation=np.array([0.0, 0.0, z])) for z in floors]
+        below += [ContactBody(Surface.block(0.2e-3, 20e-3, 0.2e-3), translation=body.translation) for body in below[1:]]
+        for bodies in ([], *([body] for body in below)):
+            found = surveyed(PointTree(pad), ContactBody(small, translation=at), *bodies)
+            one, _, _ = overlap(chart.tiles, met, found)
+            assert len(met) and len(np.unique(one)) == len(met), (shift, bodies)
+
+
+@pytest.mark.parametrize("depth", [2e-3, 3.2e-3, 4e-3])
+def test_a_flat_face_takes_the_largest_cells_however_deep_it_is(pad: SurfaceCompliance, depth: float) -> None:
+    found = surveyed(PointTree(pad), ContactBody(Surface.block(), translation=np.array([0.0, 0.0, depth])))
+    assert len(found) > 300 and not pad.chart.tiles.halved[found].any()
+
+
+def comb(teeth: int, depth: float) -> list[ContactBody]:
+    places, sharp = (np.arange(teeth) - teeth // 2) * 0.8e-3, Surface.edge(np.pi / 3)
+    return [ContactBody(sharp, translation=np.array([x, 0.0, depth])) for x in places]
+
+
 def test_a_comb_is_seen_on_coarser_cells_and_fine_ones_come_back(pad: SurfaceCompliance) -> None:
-    tree, sharp = PointTree(pad), Surface.edge(np.pi / 3)
-    places = np.arange(-6e-3, 6.1e-3, 0.8e-3)
-    many = surveyed(tree, *(ContactBody(sharp, translation=np.array([x, 0.0, 1.5e-3])) for x in places))
+    tree = PointTree(pad)
+    many = surveyed(tree, *comb(16, 1.5e-3))
     assert COARSEST <= tree.finest < FINEST
     assert tree.finest == COARSEST or len(many) <= MANY
     surveyed(tree, edge(0.0))
     assert tree.finest == FINEST
+
+
+def test_cells_stay_coarse_until_clearly_fewer_would_do(pad: SurfaceCompliance) -> None:
+    """Else a finger that slides over a comb would change its cells again and again, and its force with them."""
+    tree, kept = PointTree(pad), 0
+    depths = np.arange(0.0, 2e-3, 0.05e-3)
+    for i, depth in enumerate([*depths, *depths[::-1]]):
+        alone, before, bodies = PointTree(pad), tree.finest, comb(8, depth)
+        most, cells = len(surveyed(alone, *bodies)), surveyed(tree, *bodies)
+        if before == FINEST or alone.finest < FINEST:
+            assert tree.finest == alone.finest, depth
+        else:
+            assert i >= len(depths)
+            assert (tree.finest == FINEST) == (most <= BACK), depth
+            kept += tree.finest < FINEST
+        assert len(cells) == most or tree.finest < alone.finest
+    assert BACK < MANY and tree.finest == FINEST and kept
 
 
 def test_cells_do_not_depend_on_what_was_near_before(pad: SurfaceCompliance) -> None:

@@ -103,7 +103,8 @@ def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft
     best, least = found, law.save()
     tried = before.left == np.inf  # it failed in the last frame; less is tried then, since it takes seconds
     way = np.nan_to_num(_moved(solver, gaps, gaps.body))
-    for parts in PARTS[: 1 if tried else None] if way.any() else ():
+    numbers = PARTS[:1] if tried else PARTS
+    for parts in numbers if way.any() else ():
         law.restore(before)
         found, ends = _walked(solver, law, b, gaps, soft, start, way, parts)
         if law.settled:

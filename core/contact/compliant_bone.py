@@ -256,7 +256,7 @@ class CompliantBone:
         return trial
 
     def _force(self, step: PathStep) -> float:
-        return float(step.solution.force[:, 2].sum())
+        return float(step.sums.resultant[2])
 
     def _spring(self, step: PathStep) -> float:
         return self._force(step) / self.stiffness if self.stiffness > 0 else 0.0

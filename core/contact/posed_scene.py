@@ -40,7 +40,7 @@ class PosedScene:
         self._bodies = [PosedBody(body, d) for body, d in zip(bodies, told, strict=True)]
         self._turns: Array | None = None
         self._bounds: tuple[Array, Array] | None = None  # bounds of the bodies over the chunk
-        self._boxes: tuple[Array, Array, NDArray[np.bool_]] | None = None  # boxes of all bodies
+        self._boxes: tuple[Indices, Array, Array, NDArray[np.bool_]] | None = None  # all bodies, and their boxes
         self._asked: dict[bytes, tuple[Array, Array, NDArray[np.bool_]]] = {}  # boxes by set of bodies
         self._previous: Array | None = None  # the fingers' poses at the sample before the chunk
 
@@ -86,37 +86,31 @@ class PosedScene:
         """
         return self._bodies[b].boxes()
 
-    def within(self, low: Array, high: Array) -> Indices:
-        """Return the bodies that may enter the box between two corners in the chunk [m], shape (3,) each.
+    def near(self, low: Array, high: Array) -> tuple[Indices, Array, Array, NDArray[np.bool_]]:
+        """Return bodies with all that may enter the box between two corners in the chunk [m], shape (3,) each.
+
+        Returns:
+            Indices of the bodies, shape (k,). Centre and half size of the bounding box of each in the world at every
+            sample [m], shape (k, n, 3) each, and whether the body has a scale of 0 along an axis, shape (k, n), so that
+            it cannot be touched.
 
         Raises:
             DermisError: a deforming object has no surface.
         """
+        if len(self._bodies) * len(self.chunk.times) <= AT_ONCE:
+            if self._boxes is None:
+                every = np.arange(len(self._bodies))
+                self._boxes = every, *self._boxes_of(every)
+            return self._boxes
         if self._bounds is None:
             own = [body.boxes() for body in self._bodies]
             boxes = np.array([(b[:, 0].min(axis=0), b[:, 1].max(axis=0)) for b in own]).reshape(-1, 2, 3)
             self._bounds = bounds_in_world(self.chunk.bodies, boxes)
-        return np.flatnonzero(((self._bounds[0] <= high) & (self._bounds[1] >= low)).all(axis=1))
-
-    def boxes(self, bodies: Indices) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return the bounding boxes of bodies in the world at every sample.
-
-        Args:
-            bodies: indices of the bodies, shape (k,).
-
-        Returns:
-            Centre and half size of each box [m], shape (k, n, 3) each, and whether the body has a scale of 0 along an
-            axis, shape (k, n), so that it cannot be touched.
-        """
-        if len(self._bodies) * len(self.chunk.times) <= AT_ONCE:
-            if self._boxes is None:
-                self._boxes = self._boxes_of(np.arange(len(self._bodies)))
-            middle, half, flat = self._boxes
-            return middle.take(bodies, axis=0), half.take(bodies, axis=0), flat.take(bodies, axis=0)
+        bodies = np.flatnonzero(((self._bounds[0] <= high) & (self._bounds[1] >= low)).all(axis=1))
         key = bodies.tobytes()
         if key not in self._asked:
             self._asked[key] = self._boxes_of(bodies)
-        return self._asked[key]
+        return bodies, *self._asked[key]
 
     def _boxes_of(self, bodies: Indices) -> tuple[Array, Array, NDArray[np.bool_]]:
         boxes, poses = np.zeros((len(bodies), len(self.chunk.times), 2, 3)), self.chunk.bodies[bodies]

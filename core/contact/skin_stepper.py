@@ -108,8 +108,7 @@ class SkinStepper:
         turn, place = self._scene.turns()[self.index], self._scene.chunk.fingers[self.index, :, :3, 3]
         middle = place + turn @ self._middle
         half = np.abs(turn) @ self._half + self._radius
-        within = self._scene.within((middle - half).min(axis=0), (middle + half).max(axis=0))
-        box_middle, box_half, flat = self._scene.boxes(within)
+        within, box_middle, box_half, flat = self._scene.near((middle - half).min(axis=0), (middle + half).max(axis=0))
         inside = (np.abs(middle - box_middle) <= half + box_half).all(axis=2) & ~flat
         self.far += self._scene.chunk.bodies.shape[0] * len(place) - int(inside.sum())
         ever = inside.any(axis=1)

@@ -33,6 +33,9 @@ enum {
 /* Largest number of earlier pairs of sweeps from which `dermis_sweep` extrapolates. */
 enum { DERMIS_KEPT = 3 };
 
+/* Numbers of a point in the blocks of a `dermis_touch`: what a look finds, and the workspace without the compliance. */
+enum { DERMIS_FOUND = 12, DERMIS_TOUCH_ROOM = 104 };
+
 /* ROW: doubles per triangle in a tree. LANES: boxes, or elements of tissue, that are processed at once.
    BOXES: floats for a group of LANES boxes. */
 enum { DERMIS_ROW = 16, DERMIS_LANES = 4, DERMIS_BOXES = 64 };
@@ -173,13 +176,17 @@ typedef struct {
     double sharpness;        /* share of the largest lift at which points look, see touch.c */
     double tie, turn;        /* faces of two bodies coincide for a point if its gaps to them differ by less than `tie` [m] and
                                 their normals turn by less than `turn` [rad] */
+    int64_t index;           /* of the body among all bodies */
 } dermis_posed;
 
-/* Points of smooth skin, the bodies near them, and contact between both; see `touch.c`. */
+/* Points of smooth skin, the bodies near them, and contact between both; see `touch.c`.
+
+   The arrays of the points lie one after the other in three blocks, so that a call passes few addresses. The kernel finds
+   their places. */
 typedef struct {
     int64_t count;           /* number of points */
     int64_t avx2;            /* 1: use AVX2 */
-    int64_t looked;          /* 1: `room` and the arrays of the gap are those of a look before */
+    int64_t looked;          /* 1: `found` and `room` are those of a look before, with the same points and bodies */
     int64_t thorough;        /* 1: all points look from all places, and are visited; this takes longer */
     int64_t stride;          /* numbers from the start of one row of the compliance to the start of the next */
     const float *compliance; /* C (3 count, stride) [m/N]; null: only look */
@@ -191,29 +198,32 @@ typedef struct {
     const double *spread;    /* offsets along both sides at which a point looks (count, 2, 3) [m] */
     double lift;             /* lift of the first look [m] */
     double ratio;            /* lift of the second look over that of the first */
-    const double *drag;      /* slip without displacement (count, 3) [m] */
-    const double *shift;     /* displacement that no force causes (count, 3) [m] */
+    const double *offset;    /* offset b of the contact problem by the gaps of the look (count, 3) [m]; null: only look */
+    const double *shift;     /* displacement that no force causes (count, 3) [m]; null: 0 */
     const double *areas;     /* of the cells (count) [m^2] */
     double tolerance;        /* largest residual */
     int64_t most;            /* largest number of sweeps */
+    double *found;           /* block of `where` to `triangle` (DERMIS_FOUND, count) */
+    double *out;             /* block of `force` to `status`, as many numbers as they take; null: only look */
+    double *room;            /* workspace (DERMIS_TOUCH_ROOM + 4.5 count, count) */
+    double *where;           /* displacement at which each point looked last; in: where to look first (count, 3) [m] */
+    double *normal;          /* out: normal there (count, 3) */
+    double *clearance;       /* out: gap there (count) [m] */
+    double *gap;             /* out: the same of undeformed skin, linearised about there (count) [m] */
+    double *friction;        /* out: friction coefficient of the body, 0 without (count) */
+    double *softness;        /* out: compliance of the surface of the body, 0 without (count) [m/Pa] */
+    int64_t *owner;          /* out: `index` of the body, -1 without (count) */
+    int64_t *triangle;       /* out: triangle, -1 without (count) */
     double *force;           /* in: start; out: forces (count, 3) [N] */
     double *image;           /* out: C f (count, 3) [m] */
-    double *where;           /* displacement at which each point looked last; in: where to look first (count, 3) [m] */
-    double *clearance;       /* out: gap there (count) [m] */
-    double *normal;          /* out: normal there (count, 3) */
-    int64_t *body;           /* in: hint; out: body (count) */
-    int64_t *triangle;       /* out: triangle (count) */
-    int64_t *slots;          /* hints (count, 10) */
     double *moved;           /* out: relative displacement (count, 3) [m] */
     int8_t *status;          /* out (count) */
+    double *drag;            /* in the workspace: slip without displacement (count, 3) [m] */
+    int64_t *body;           /* in the workspace: place of the body in `posed` (count) */
+    int64_t *slots;          /* in the workspace: hints (count, 10) */
     double residual;         /* out */
     int64_t sweeps;          /* out */
     int64_t looks;           /* out: looks beside the first */
-    int64_t width;           /* bytes of a point in the workspace */
-    void *room;              /* workspace (count, width) */
-    double *work;            /* workspace (3 DERMIS_KEPT + 7, count, 3) */
-    int64_t *active;         /* workspace (count) */
-    float *gathered;         /* workspace (3 count, 3 count) */
 } dermis_touch;
 
 /* The cells of a pad at rest, the bodies near it, and the search for cells that may touch; see `survey.c`.
@@ -396,6 +406,9 @@ typedef struct {
     double bone[3];          /* a point inside the finger [m] */
     double normal, tangential; /* out: sum of the normal forces, and size of the sum of the tangential ones [N] */
     double depth, slide;     /* out: penetration, and tangential displacement of the loaded skin [m] */
+    double resultant[3];     /* out: sum of the forces [N] */
+    double size, mean[3];    /* out: sum of the sizes of the forces [N], and mean displacement of the nodes weighted with
+                                these sizes, 0 without force [m] */
     int64_t sticking, slipping; /* out: numbers of nodes */
 } dermis_sums;
 

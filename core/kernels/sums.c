@@ -21,18 +21,21 @@ static double share_of(const dermis_sums *of, int64_t i) {
 
 DERMIS_NOINLINE static int32_t sum(dermis_sums *of) {
     double moved[3] = {0.0, 0.0, 0.0}, up[3] = {0.0, 0.0, 0.0}, across[3] = {0.0, 0.0, 0.0}, drag[3], along;
-    of->normal = of->depth = of->slide = 0.0, of->sticking = of->slipping = 0;
+    of->normal = of->depth = of->slide = of->size = 0.0, of->sticking = of->slipping = 0;
+    for (int k = 0; k < 3; k++) of->resultant[k] = of->mean[k] = 0.0;
     for (int64_t i = 0; i < of->count; i++) {
         const double *force = of->force + 3 * i, *normal = of->normals + 3 * i;
-        double press = dermis_dot(force, normal);
-        of->normal += press;
+        double press = dermis_dot(force, normal), size = dermis_root(dermis_dot(force, force));
+        of->normal += press, of->size += size;
         for (int k = 0; k < 3; k++) {
+            of->resultant[k] += force[k], of->mean[k] += size * of->image[3 * i + k];
             across[k] += force[k] - press * normal[k];
             moved[k] += press * of->image[3 * i + k], up[k] += press * normal[k];
         }
         of->sticking += of->status[i] == DERMIS_STICK, of->slipping += of->status[i] == DERMIS_SLIP;
         if (of->gaps != NULL && of->gaps[i] < 0.0) of->depth = dermis_most(of->depth, -of->gaps[i] * (of->from_rest ? 1.0 : share_of(of, i)));
     }
+    for (int k = 0; k < 3 && of->size > 0.0; k++) of->mean[k] /= of->size;
     of->tangential = dermis_root(dermis_dot(across, across));
     if (!(of->normal > 0.0)) return DERMIS_DONE;
     for (int k = 0; k < 3; k++) moved[k] /= of->normal;

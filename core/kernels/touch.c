@@ -52,6 +52,11 @@ typedef struct {
     const double *image;                      /* displacement of the point by all forces */
 } view;
 
+/* Parts of the workspace, in numbers a point: `view` of each point, the history of sweeps, `drag`, a displacement of 0, `body`,
+   `slots`, active points, and the compliance between these. */
+enum { VIEWS = 38, PAST = 3 * (3 * DERMIS_KEPT + 7), DRAG = VIEWS + PAST, NONE = DRAG + 3, BODY = NONE + 3, SLOTS = BODY + 1, ACTIVE = SLOTS + LOOKS, GATHERED = ACTIVE + 1 };
+_Static_assert(sizeof(view) == 8 * VIEWS && (int)GATHERED == (int)DERMIS_TOUCH_ROOM, "the workspace");
+
 /* The points that sweeps visit: those with a force, and those that are near a body. */
 typedef struct {
     int64_t count;     /* of these points */
@@ -60,6 +65,26 @@ typedef struct {
     double *image;     /* their displacement by all forces (n, 3) */
     double *known;     /* forces that `t->image` contains (n, 3) */
 } active;
+
+/* Find the places of the points' arrays in the blocks. */
+static void lay_out(dermis_touch *t) {
+    int64_t n = t->count;
+    t->where = t->found, t->normal = t->found + 3 * n, t->clearance = t->found + 6 * n, t->gap = t->found + 7 * n;
+    t->friction = t->found + 8 * n, t->softness = t->found + 9 * n;
+    t->owner = (int64_t *)(t->found + 10 * n), t->triangle = (int64_t *)(t->found + 11 * n);
+    if (t->out != NULL) t->force = t->out, t->image = t->out + 3 * n, t->moved = t->out + 6 * n, t->status = (int8_t *)(t->out + 9 * n);
+    t->drag = t->room + DRAG * n, t->body = (int64_t *)(t->room + BODY * n), t->slots = (int64_t *)(t->room + SLOTS * n);
+}
+
+/* Fill in results that follow from the body of each point and from its gap. */
+static void tell(const dermis_touch *t) {
+    for (int64_t i = 0; i < t->count; i++) {
+        const dermis_posed *by = t->body[i] < 0 ? NULL : t->posed + t->body[i];
+        t->owner[i] = by == NULL ? -1 : by->index;
+        t->friction[i] = by == NULL ? 0.0 : by->friction, t->softness[i] = by == NULL ? 0.0 : by->softness;
+        t->gap[i] = t->clearance[i] - dermis_einsum(t->normal + 3 * i, t->where + 3 * i);
+    }
+}
 
 static void nothing(dermis_touch *t, view *v, int64_t i) {
     t->body[i] = t->triangle[i] = -1;
@@ -398,10 +423,12 @@ static void forces_of(const dermis_touch *t, const active *near, double *out) {
 
 static void solve(dermis_touch *t, view *views) {
     int64_t n = t->count;
-    double *before = t->work + 3 * (DERMIS_KEPT + 1) * 3 * n, *force = before + 3 * n;
-    active near = {0, t->active, t->gathered, force + 3 * n, force + 6 * n};
+    double *past_sweeps = t->room + VIEWS * n, *before = past_sweeps + 3 * (DERMIS_KEPT + 1) * 3 * n, *force = before + 3 * n;
+    active near = {0, (int64_t *)(t->room + ACTIVE * n), (float *)(t->room + GATHERED * n), force + 3 * n, force + 6 * n};
     for (int64_t i = 0; i < n; i++) {
+        double clearance = t->body[i] < 0 ? 0.0 : t->clearance[i];
         for (int k = 0; k < 3; k++) t->image[3 * i + k] = 0.0, near.known[3 * i + k] = t->force[3 * i + k];
+        for (int k = 0; k < 3; k++) t->drag[3 * i + k] = t->offset[3 * i + k] - clearance * t->normal[3 * i + k];
         for (int k = 0; k < 9; k++) views[i].own[k] = (double)t->compliance[(3 * i + k / 3) * t->stride + 3 * i + k % 3];
     }
     for (int64_t i = 0; i < n; i++)
@@ -417,7 +444,7 @@ static void solve(dermis_touch *t, view *views) {
         gather(t, views, &near);
         assess(t, views, near.points, near.count);
         double still = goal, nearest = __builtin_inf();
-        past last = {3 * near.count, 0, t->work, 0.0};
+        past last = {3 * near.count, 0, past_sweeps, 0.0};
         int waited = 0, alone = 0, in_round = 0;
         /* where normals have turned since the last visit, forces may be beyond their cones */
         while (t->sweeps < t->most && t->residual > (round == 3 && in_round == 0 ? 0.0 : goal)) {
@@ -442,7 +469,7 @@ static void solve(dermis_touch *t, view *views) {
                     for (int k = 0; k < 3; k++) t->force[3 * near.points[j] + k] = force[3 * j + k];
                 continue;
             }
-            if (chosen(t, views, &near, goal)) last = (past){3 * near.count, 0, t->work, 0.0};
+            if (chosen(t, views, &near, goal)) last = (past){3 * near.count, 0, past_sweeps, 0.0};
             still *= 0.25;
         }
         bring(t, &near);
@@ -457,23 +484,33 @@ static void solve(dermis_touch *t, view *views) {
 
 DERMIS_NOINLINE static int32_t touch(dermis_touch *t) {
     int64_t n = t->count;
-    view *views = t->room;
-    if (!dermis_known_posed(t->posed, t->bodies) || !finite(t->points, 3 * n) || !finite(t->where, 3 * n) || !finite(t->force, 3 * n)) return DERMIS_NOT_FINITE;
-    if (!finite(t->drag, 3 * n) || !finite(t->shift, 3 * n)) return DERMIS_NOT_FINITE;
+    view *views = (view *)t->room;
+    double *none = t->room + NONE * n;
+    lay_out(t);
+    if (!dermis_known_posed(t->posed, t->bodies) || !finite(t->points, 3 * n) || !finite(t->where, 3 * n)) return DERMIS_NOT_FINITE;
+    if (t->compliance != NULL && (!finite(t->force, 3 * n) || !finite(t->offset, 3 * n) || (t->shift != NULL && !finite(t->shift, 3 * n)))) return DERMIS_NOT_FINITE;
     for (int64_t i = 0; i < n && t->looked; i++)
         if (t->body[i] < -1 || t->body[i] >= t->bodies) return DERMIS_BAD_RECORD;
     t->sweeps = t->looks = 0;
     for (int64_t i = 0; i < n && !t->looked; i++) {
-        if (i > 0 && t->body[i] < 0) t->body[i] = t->body[i - 1], t->slots[LOOKS * i + 8] = t->slots[LOOKS * (i - 1) + 8]; /* hints */
+        int64_t *slots = t->slots + LOOKS * i;
+        for (int k = 0; k < LOOKS; k++) slots[k] = -1;
+        t->body[i] = -1;
+        if (i > 0) t->body[i] = t->body[i - 1], slots[8] = slots[8 - LOOKS]; /* hints */
         look(t, views + i, i, 0);
     }
-    if (t->compliance != NULL) solve(t, views);
+    if (t->compliance != NULL) {
+        for (int64_t k = 0; k < 3 * n && t->shift == NULL; k++) none[k] = 0.0;
+        if (t->shift == NULL) t->shift = none;
+        solve(t, views);
+    }
+    tell(t);
     return DERMIS_DONE;
 }
 
 static int sound(const dermis_touch *t) {
-    int solved = t->compliance == NULL || (t->stride >= 3 * t->count && t->most >= 0 && t->tolerance >= 0.0);
-    return t->count >= 0 && dermis_sound_posed(t->posed, t->bodies) && t->width == (int64_t)sizeof(view) && solved && (t->avx2 == 0 || t->avx2 == 1) &&
+    int solved = t->compliance == NULL || (t->out != NULL && t->offset != NULL && t->stride >= 3 * t->count && t->most >= 0 && t->tolerance >= 0.0);
+    return t->count >= 0 && t->found != NULL && t->room != NULL && dermis_sound_posed(t->posed, t->bodies) && solved && (t->avx2 == 0 || t->avx2 == 1) &&
            (t->looked == 0 || t->looked == 1) && (t->thorough == 0 || t->thorough == 1);
 }
 

@@ -177,8 +177,7 @@ def _near(
         for f, model in models.items():
             reach = REACH * float(np.sqrt((model.positions**2).sum(axis=1).max())) + MARGIN
             place = chunk.fingers[f, :, :3, 3]
-            close = posed.within(place.min(axis=0) - reach, place.max(axis=0) + reach)
-            middle, half, _ = posed.boxes(close)
+            close, middle, half, _ = posed.near(place.min(axis=0) - reach, place.max(axis=0) + reach)
             within = (np.abs(place - middle) <= half + reach).all(axis=2)
             near[f] |= set(close[np.any(within, axis=1)].tolist())
     index = {body.name: b for b, body in enumerate(scene.bodies)}

@@ -90,11 +90,12 @@ class NodalForces:
             force: forces on these cells [N], shape (n, 3).
         """
         force = np.asarray(force, np.float64)
-        carry = np.flatnonzero(force.any(axis=1))  # most cells of a frame carry none, and need not be located
+        carry = np.einsum("ij->i", np.abs(force)).nonzero()[0]  # most cells of a frame carry none, and need no place
         nodes, weights = self._weights(cells.take(carry))
-        on = np.einsum("nkab,nb->nka", weights, force.take(carry, axis=0)).reshape(-1, 3)
-        count = len(self.mesh.pad)
-        return np.stack([np.bincount(nodes.reshape(-1), on[:, k], count) for k in range(3)], axis=1)
+        on = np.einsum("nkab,nb->nka", weights, force.take(carry, axis=0))
+        places = 3 * nodes[:, :, None] + np.arange(3)
+        summed = np.bincount(places.reshape(-1), on.reshape(-1), 3 * len(self.mesh.pad))
+        return np.asarray(summed.reshape(-1, 3), np.float64)
 
     def gather(self, cells: Indices, displacement: Floats) -> Array:
         """Return the displacements of cells [m], shape (n, 3).

@@ -140,7 +140,8 @@ def stress_errors(skin: SkinModel, target: Array, made: Array) -> Array:
         target, made: forces on the pad nodes [N], shape (n, m, 3) each.
     """
     root = skin.unit_stress  # it gives the same norm from fewer components
-    wanted, off = (np.asarray(f, np.float64).reshape(-1, root.shape[1]) @ root.T for f in (target, made - target))
+    both = np.concatenate([target, made - target]).reshape(-1, root.shape[1]).astype(root.dtype)
+    wanted, off = (both @ root.T).reshape(2, len(target), -1)  # one product, or `root` would be converted twice
     size = np.linalg.norm(wanted, axis=1)
     return np.asarray(np.linalg.norm(off, axis=1) / np.where(size > 0.0, size, np.inf))
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from core.arrays import Array, Indices
 from core.contact.solver.bodies import TIE, TURN
-from core.contact.solver.smooth_contact import LOOKS, ROOM
 from core.kernels import records
 from core.skin.tiles import Tiles
 from core.surface import shapes
@@ -197,6 +196,9 @@ class Touch(Case):
     Attributes:
         rounding: of the plane's rim [m]; 0: the plane is infinite.
         plane: whether the plane is the only body.
+        rubs: friction of the edge; without it, skin on a sharp edge has several states.
+        wrong: place of a body that is written into the workspace before the forces are solved; None: none is.
+        found: the arrays of the points after a call, by their names in `kernels.h`.
     """
 
     points: Array
@@ -204,10 +206,9 @@ class Touch(Case):
     spread: Array
     areas: Array
     where: Array
-    drag: Array
+    offset: Array
     shift: Array
     force: Array
-    body: Indices
     compliance: NDArray[np.float32]
     solid: Arrays
     poses: Array
@@ -215,26 +216,35 @@ class Touch(Case):
     rounding: float
     bodies: int
     plane: bool = False
+    rubs: float = 0.0
+    wrong: int | None = None
     limit, lift, ratio, tolerance, most, avx2 = 2.5e-3, 0.3e-3, 6.0, 1e-4, 60, 0
     results = "residual", "sweeps", "looks"
 
     def _calls(self, own: Any, **changed: float | None) -> Iterator[int]:
         n = len(self.points)
-        pair = posed_pair(own, self.solid, self.poses, self.sharpness, self.rounding)
+        pair = posed_pair(own, self.solid, self.poses, self.sharpness, self.rounding, self.rubs)
         posed = pair[1] if self.plane else pair
-        found = {name: np.full((n, 3), np.nan) for name in ("normal", "image", "moved")}
-        found |= {name: getattr(self, name).copy() for name in ("where", "force", "body")}
-        found |= {"clearance": np.full(n, np.nan), "triangle": np.full(n, -7), "status": np.full(n, -7, np.int8)}
-        work = {"slots": np.full((n, LOOKS), -1), "room": np.full((n, ROOM), np.nan)}
-        work |= {"work": np.full((3 * records.KEPT + 7, n, 3), np.nan), "active": np.full(n, -1)}
-        work |= {"gathered": np.full((3 * n, 3 * n), np.nan, np.float32)}
-        numbers = {"count": n, "stride": self.compliance.shape[1], "width": 8 * ROOM}
-        look = filled(records.TouchRecord, self, posed=posed, compliance=None, **numbers, **found, **work)
-        status = self._call(own.dermis_touch_points, look, **changed)
-        yield status
-        if status:
+        room = np.full(int((records.TOUCH_ROOM + 4.5 * n) * n) + 1, np.nan)
+        blocks = {"found": np.full(records.FOUND * n, np.nan), "out": np.full(9 * n + -(-n // 8), np.nan), "room": room}
+        vectors, numbers, indices = blocks["found"][: 6 * n], blocks["found"][6 * n : 10 * n], blocks["found"][10 * n :]
+        forces, status = blocks["out"][: 9 * n].reshape(3, n, 3), blocks["out"][9 * n :].view(np.int8)[:n]
+        self.found = dict(zip(("where", "normal"), vectors.reshape(2, n, 3), strict=True))
+        told = ("clearance", "gap", "friction", "softness")
+        self.found |= dict(zip(told, numbers.reshape(4, n), strict=True))
+        self.found |= dict(zip(("owner", "triangle"), indices.view(np.int64).reshape(2, n), strict=True))
+        self.found |= dict(zip(("force", "image", "moved"), forces, strict=True), status=status)
+        self.found["where"][:], self.found["force"][:] = self.where, self.force
+        sizes = {"count": n, "stride": self.compliance.shape[1]}
+        none = dict.fromkeys(("compliance", "offset", "shift", "out"))
+        look = filled(records.TouchRecord, self, posed=posed, **sizes, **(blocks | none))
+        result = self._call(own.dermis_touch_points, look, **changed)
+        yield result
+        if result:
             return
-        solve = filled(records.TouchRecord, self, posed=posed, looked=1, **numbers, **found, **work)
+        if self.wrong is not None:
+            room.view(np.int64)[(look.body - room.ctypes.data) // 8] = self.wrong
+        solve = filled(records.TouchRecord, self, posed=posed, looked=1, **sizes, **blocks)
         yield self._call(own.dermis_touch_points, solve, **changed)
 
 
@@ -260,7 +270,6 @@ def drawn_touch(seed: int) -> Touch:
         1e-4 * rng.normal(size=(n, 3)) * (seed % 2),
         1e-4 * rng.normal(size=(n, 3)) * (seed % 4 == 0),
         0.1 * rng.normal(size=(n, 3)) * (rng.random((n, 1)) < 0.5),
-        rng.integers(-1, 2, n),
         compliance,
         Arrays(*edge(), np.zeros((1, 3))),
         np.column_stack([rng.uniform(-1e-3, 1e-3, (2, 2)), rng.uniform(-1e-3, 1.5e-3, 2)]),
@@ -271,15 +280,15 @@ def drawn_touch(seed: int) -> Touch:
 
 
 def posed_pair(
-    own: Any, solid: Arrays, poses: Array, sharpness: float, rounding: float
+    own: Any, solid: Arrays, poses: Array, sharpness: float, rounding: float, friction: float = 0.0
 ) -> ctypes.Array[records.PosedRecord]:
     """Return the records of a body and of a rough and soft plane or disc below it."""
     assert not any(solid.call(own))
     body, _ = solid.fitted(own)
     turn = {"rotation": np.eye(3), "side": 1.0, "tie": TIE, "turn": TURN}
-    edge = filled(records.PosedRecord, body=body, translation=poses[0], sharpness=sharpness, **turn)
+    edge = filled(records.PosedRecord, body=body, translation=poses[0], sharpness=sharpness, friction=friction, **turn)
     soft = {"sharpness": 1.0 / 3.0, "friction": 0.7, "softness": 1e-9, "radius": 2e-3, "rounding": rounding}
-    plane = filled(records.PosedRecord, plane=[0.0, 0.0, 1.0, -2e-3], translation=poses[1], **soft, **turn)
+    plane = filled(records.PosedRecord, plane=[0.0, 0.0, 1.0, -2e-3], translation=poses[1], index=1, **soft, **turn)
     pair = (records.PosedRecord * 2)(edge, plane)
     pair.kept = edge.kept  # the array copies addresses alone
     return pair

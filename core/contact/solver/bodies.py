@@ -72,6 +72,20 @@ class ContactBody:
             row[12:21], row[21:30] = self.carry.reshape(-1), np.linalg.inv(self.carry).reshape(-1)
         return row
 
+    def side_of(self, bone: Array) -> float:
+        """Return the factor on gaps and normals: -1 if the surface is open and `bone` is behind its faces, else 1.
+
+        Args:
+            bone: a point inside the finger [m], shape (3,). The result for the last one is kept.
+        """
+        if not isinstance(self.surface, Surface) or self.surface.closed:
+            return 1.0
+        known = self.__dict__.get("_side")
+        if known is None or known[0] is not bone:
+            known = bone, -1.0 if self.surface.side_of(*self.local(bone)) < 0 else 1.0
+            self.__dict__["_side"] = known
+        return float(known[1])
+
     def local(self, *points: Array) -> tuple[Array, ...]:
         """Transform points [m], shape (..., 3) each, from the finger's frame to the surface's space."""
         return tuple((p - self.translation) @ self.rotation for p in points)
@@ -200,7 +214,7 @@ def least_gaps(points: Array, bodies: Sequence[ContactBody], reach: float, bone:
         if isinstance(surface, Surface) and not (surface.table.usable.any() and boxes_meet(local, surface.box, reach)):
             continue  # far away no tree is built, and no side is determined
         found = surface.query(local, reach)
-        if isinstance(surface, Surface) and not surface.closed and surface.side_of(*body.local(bone)) < 0:
+        if body.side_of(bone) < 0.0:
             found = found.flipped()
         np.minimum(least, found.gap, out=least)
     return least

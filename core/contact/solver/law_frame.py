@@ -44,12 +44,12 @@ class LinearContact(Protocol):
         """Bodies near in the last frame."""
         ...
 
-    def iterated(self, b: Array, shift: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
+    def iterated(self, b: Array, shift: Array | None, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
         """Solve a frame.
 
         Args:
             b: offset of the contact problem [m], shape (n, 3).
-            shift: displacement that no contact force causes [m], shape (n, 3).
+            shift: displacement that no contact force causes [m], shape (n, 3); None for none.
             gaps: gaps of the points.
             soft: compliance of the object below each point [m/N], shape (n,).
             start: forces to start from [N], shape (n, 3).
@@ -124,7 +124,7 @@ def _settled(solver: LinearContact, law: LawSkin, b: Array, gaps: NodeGaps, soft
         law.restore(least)
         return best
     law.give_up()
-    found = solver.iterated(b, none, gaps, soft, start)
+    found = solver.iterated(b, None, gaps, soft, start)
     return found._replace(solution=replace(found.solution, residual=max(found.solution.residual, 1.0)))
 
 

@@ -203,7 +203,11 @@ class PathSolver:
     def loaded(self) -> NDArray[np.bool_]:
         """Which nodes carried force in the last frame, shape (m,)."""
         if self._loaded[0] is not self._force:
-            self._loaded = self._force, carrying(self._force)
+            last = None if self._step is None else self._step.solution
+            self._loaded = (
+                self._force,
+                last.loaded if last is not None and last.force is self._force else carrying(self._force),
+            )
         return self._loaded[1]
 
     @property
@@ -354,19 +358,20 @@ class PathSolver:
                 return SolvedFrame(solution, image, "unchanged")
         begin = self._extrapolated(start)
         return (
-            self.iterated(b, np.zeros_like(b), gaps, soft, begin)
+            self.iterated(b, None, gaps, soft, begin)
             if self.law is None
             else solved_by_law(self, self.law, b, gaps, soft, begin)
         )
 
-    def iterated(self, b: Array, shift: Array, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
+    def iterated(self, b: Array, shift: Array | None, gaps: NodeGaps, soft: Array, start: Array) -> SolvedFrame:
         """Solve a frame on linear skin from forces to start from [N], shape (m, 3); see `LinearContact.iterated`."""
         if gaps.where is not None:
             return self._contact.solve(
                 self._contact_points, b, gaps, start, shift, self.tolerance, CHECK * self.tolerance
             )
         normal, mu = gaps.normal, gaps.friction
-        found = sweep(self._matrix, b + shift, normal, mu, soft, start, self.tolerance, MOST_SWEEPS)
+        b = b if shift is None else b + shift
+        found = sweep(self._matrix, b, normal, mu, soft, start, self.tolerance, MOST_SWEEPS)
         w, status, goal = found.displacement, found.status, CHECK * self.tolerance
         solution = Solution(found.force, w, normal, mu, status, found.sweeps, found.residual, goal, "sweeps")
         return SolvedFrame(solution, found.image, "solved")

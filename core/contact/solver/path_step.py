@@ -66,7 +66,9 @@ class PathStep:
     def sums(self) -> records.SumsRecord:
         """Sums over the nodes, see `dermis_sums`.
 
-        `normal` is the sum of the normal forces and `tangential` the size of the sum of the tangential ones [N].
+        `normal` is the sum of the normal forces, `tangential` the size of the sum of the tangential ones, `resultant`
+        the sum of all, shape (3,), and `size` the sum of their sizes, which is 0 without force [N]. `mean` is the mean
+        displacement of the skin, weighted with these sizes [m], shape (3,).
 
         `depth` is the penetration of the undeformed skin into objects [m]. It is zero if no point is inside an object.
         Drag does not count. At an edge, drag takes skin far beyond its face. The penetration of a point is therefore

@@ -36,6 +36,7 @@ def posed_records(
     posed = (records.PosedRecord * max(len(near), 1))()
     for record, i in zip(posed, near, strict=False):
         _pose(record, bodies[i], bone, coarse)
+        record.index = i
     return near, posed
 
 
@@ -65,13 +66,10 @@ def sharpness(body: ContactBody, coarse: float = 1.0) -> float:
 
 def _pose(record: records.PosedRecord, body: ContactBody, bone: Array, coarse: float) -> None:
     """Fill in the record of a body."""
-    record.side, kernel = 1.0, body.surface.kernel_body
+    record.side, kernel = body.side_of(bone), body.surface.kernel_body
     if kernel is not None:
         record.body = addressof(kernel.record)
-    if isinstance(body.surface, Surface):
-        if not body.surface.closed and body.surface.side_of(*body.local(bone)) < 0:
-            record.side = -1.0
-    elif kernel is None:
+    elif not isinstance(body.surface, Surface):
         record.plane[:] = [*body.surface.normal, float(body.surface.point @ body.surface.normal)]
         record.radius, record.rounding = body.surface.rim
     record.rotation[:] = np.asarray(body.rotation).reshape(-1).tolist()

@@ -63,8 +63,8 @@ class PressWatch:
             came: bodies at the begin of the frame; for a first touch, at the instant of contact.
             step: result of the frame.
         """
-        pushed, before = float(step.solution.force[:, 2].sum()), self._last
-        if step.solution.loaded.any():
+        pushed, before = float(step.sums.resultant[2]), self._last
+        if step.sums.size > 0.0:
             self._last = step
         # A body that slipped off is still compared at the points at which it pressed last.
         if pushed >= self.most or not all(_deeper(came, step.gaps, held) for held in (before, self._last) if held):

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from .bodies import ContactBody, moved
-from .cone import mean_displacement
 from .path_step import PathStep
 
 # OWN: way of the loaded skin over that of the objects from which on most of it is the skin's own.
@@ -50,19 +49,17 @@ class ReleaseWatch:
             came: bodies at the begin of the frame.
             step: result of the frame.
         """
-        last, force = self._last, step.solution.force.sum(axis=0)
-        size, most = float(np.sqrt(force @ force)), 0.0 if last is None else last[1]
-        most = max(size, most)
-        self._last = None if step.gaps is None or not step.solution.loaded.any() else (step, most)
+        last, sums = self._last, step.sums
+        force, most = np.array(sums.resultant), 0.0 if last is None else last[1]
+        most = max(float(np.sqrt(force @ force)), most)
+        self._last = None if step.gaps is None or not sums.size > 0.0 else (step, most)
         if last is None or not last[1] > 0.0:  # there is no share of nothing
             return 0.0
-        change = force - last[0].solution.force.sum(axis=0)
+        change = force - last[0].sums.resultant
         share = float(np.sqrt(change @ change)) / most
         if share <= SEEN:
             return 0.0
-        # without force the mean is 0, as of skin that has sprung back
-        ways = (mean_displacement(some.solution.force, some.displacement) for some in (last[0], step))
-        went = next(ways) - next(ways)
+        went = np.array(last[0].sums.mean) - sums.mean  # without force the mean is 0, as of skin that has sprung back
         far, work = _driven(came, step, last[0])
         return share if work >= 0.0 and np.sqrt(went @ went) > OWN * far else 0.0
 

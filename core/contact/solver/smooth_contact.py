@@ -18,18 +18,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from ctypes import Array as Records
 from ctypes import addressof, byref
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...arrays import Array, Indices
+from ...arrays import Array
 from ...errors import DermisError
 from ...kernels import records
 from ...kernels.library import kernels
 from ...kernels.records import address
 from .bodies import ContactBody, NodeGaps
-from .cone import along
 from .path_step import SolvedFrame
 from .point_matrix import GROWTH
 from .point_set import CELL, RATIO, ContactPoints
@@ -37,35 +35,19 @@ from .posed_records import posed_records
 from .solution import Solution
 from .sweeps import MOST_SWEEPS
 
-ROOM = 38  # numbers of a point in the kernel's workspace
-LOOKS = 10  # of a point, each with a hint
-_FOUND = "clearance", "normal", "where", "body", "triangle"  # arrays that describe gaps
-
 
 class _Look(NamedTuple):
-    """Record of a look with the arrays it points to.
+    """A look, from which a solution may begin.
 
     Attributes:
-        record: of the kernel. arrays: by the names of its fields.
-        near: index of the body of each posed record, and -1. posed: the records of the bodies.
+        record: of the kernel, which points to the arrays of the points and of the bodies.
+        found: block of what the kernel found, see `_gaps`.
+        posed: the records of the bodies.
     """
 
     record: records.TouchRecord
-    arrays: dict[str, NDArray[Any]]
-    near: Indices
+    found: Array
     posed: Records[records.PosedRecord]
-
-
-class _Workspace:
-    """Arrays of the kernel that nobody reads after a call, except that a solution begins with the views of its look."""
-
-    def __init__(self, count: int) -> None:
-        self.count = count
-        self.room = np.empty((count, ROOM))
-        self.work = np.empty((3 * records.KEPT + 7, count, 3))
-        self.active = np.empty(count, dtype=np.int64)
-        self.gathered = np.empty((3 * count, 3 * count), dtype=np.float32)
-        self.places = {name: address(getattr(self, name)) for name in ("room", "work", "active", "gathered")}
 
 
 class SmoothContact:
@@ -79,7 +61,7 @@ class SmoothContact:
     def __init__(self, reach: float, bone: Array) -> None:
         self._reach, self._bone = reach, bone
         self._seen: tuple[NodeGaps, _Look] | None = None
-        self._space = _Workspace(0)
+        self._room = np.empty(0)  # workspace: nobody reads it after a call, except that a solution begins with a look's
 
     def look(self, points: ContactPoints, bodies: Sequence[ContactBody], where: Array) -> NodeGaps:
         """Return the gaps of points.
@@ -94,8 +76,7 @@ class SmoothContact:
         """
         look = self._prepared(points, bodies, where)
         _call(look.record)
-        found = {name: look.arrays[name].copy() for name in _FOUND}  # a solution from this look changes its arrays
-        gaps = _gaps(look, bodies, found)
+        gaps = _gaps(look.found, bodies)
         self._seen = gaps, look
         return gaps
 
@@ -105,7 +86,7 @@ class SmoothContact:
         b: Array,
         gaps: NodeGaps,
         start: Array,
-        shift: Array | float,
+        shift: Array | None,
         tolerance: float,
         goal: float,
     ) -> SolvedFrame:
@@ -116,7 +97,7 @@ class SmoothContact:
             b: offset of the contact problem by the given gaps [m], shape (n, 3).
             gaps: as `look` returned them for these points.
             start: forces to start from [N], shape (n, 3).
-            shift: displacement that no contact force causes [m], shape (n, 3).
+            shift: displacement that no contact force causes [m], shape (n, 3); None for none.
             tolerance: residual at which the sweeps stop. goal: largest residual of a converged solution.
 
         Raises:
@@ -127,53 +108,35 @@ class SmoothContact:
             self.look(points, gaps.bodies, gaps.where)
         assert self._seen is not None
         look, n = self._seen[1], len(points.positions)
-        self._seen = None  # the kernel changes its arrays
-        drag = b - np.where(gaps.body >= 0, gaps.clearance, 0.0)[:, None] * gaps.normal
-        matrix, image, moved, status = points.compliance, np.empty((n, 3)), np.empty((n, 3)), np.empty(n, np.int8)
-        force = np.array(start, dtype=np.float64, order="C")
-        shifts = np.array(np.broadcast_to(shift, (n, 3)))
-        given = {"drag": drag, "shift": shifts, "force": force, "image": image, "moved": moved, "status": status}
-        record = _filled(look.record, given | {"compliance": matrix})
+        self._seen = None  # the kernel changes its workspace
+        found, out, matrix = look.found.copy(), np.empty(9 * n + -(-n // 8)), points.compliance
+        (force, image, moved), status = out[: 9 * n].reshape(3, n, 3), out[9 * n :].view(np.int8)[:n]
+        force[:] = start
+        b, shift = np.ascontiguousarray(b), None if shift is None else np.ascontiguousarray(shift)
+        record = look.record
+        record.found, record.out, record.compliance = address(found), address(out), address(matrix)
+        record.offset, record.shift = address(b), None if shift is None else address(shift)
         record.stride, record.avx2, record.looked = matrix.strides[0] // matrix.itemsize, kernels().avx2, 1
         record.tolerance, record.most = tolerance, MOST_SWEEPS
         _call(record)
-        new = _gaps(look, gaps.bodies, look.arrays)
-        residual = record.residual
+        new, residual = _gaps(found, gaps.bodies), record.residual
         solution = Solution(force, moved, new.normal, new.friction, status, record.sweeps, residual, goal, "sweeps")
         return SolvedFrame(solution, image, "solved", new)
 
     def _prepared(self, points: ContactPoints, bodies: Sequence[ContactBody], where: Array) -> _Look:
         at, lift = points.positions, points.lift
-        n, zero = len(at), np.zeros(at.shape)
+        n = len(at)
         near, posed = posed_records(bodies, at + where, self._reach + RATIO * lift, self._bone, points.width / CELL)
-        arrays = {
-            "points": at,
-            "inward": points.inward,
-            "spread": points.spread,
-            "areas": points.areas,
-            "where": np.array(where, dtype=np.float64, order="C"),
-            "clearance": np.empty(n),
-            "normal": np.empty((n, 3)),
-            "body": np.full(n, -1, dtype=np.int64),
-            "triangle": np.empty(n, dtype=np.int64),
-            "slots": np.full((n, LOOKS), -1, dtype=np.int64),
-            "force": zero,
-            "drag": zero,
-            "shift": zero,
-        }
-        if n > self._space.count:
-            self._space = _Workspace(int(GROWTH * n))
+        size = (records.TOUCH_ROOM + 4.5 * n) * n
+        if size > len(self._room):
+            self._room = np.empty(int(GROWTH * size) + 1)
+        found = np.empty(records.FOUND * n)
+        found[: 3 * n] = where.reshape(-1)
         record = records.TouchRecord(count=n, bodies=len(near), posed=addressof(posed), limit=self._reach)
-        record.width, record.lift, record.ratio = 8 * ROOM, lift, RATIO
-        for name, place in self._space.places.items():
-            setattr(record, name, place)
-        return _Look(_filled(record, arrays), arrays, np.array([*near, -1]), posed)
-
-
-def _filled(record: records.TouchRecord, arrays: dict[str, NDArray[Any]]) -> records.TouchRecord:
-    for name, array in arrays.items():
-        setattr(record, name, address(array))
-    return record
+        record.lift, record.ratio = lift, RATIO
+        record.points, record.inward, record.spread = address(at), address(points.inward), address(points.spread)
+        record.areas, record.found, record.room = address(points.areas), address(found), address(self._room)
+        return _Look(record, found, posed)
 
 
 def _call(record: records.TouchRecord) -> None:
@@ -181,11 +144,10 @@ def _call(record: records.TouchRecord) -> None:
         raise DermisError("a position or force is not finite", where="contact")
 
 
-def _gaps(look: _Look, bodies: Sequence[ContactBody], found: dict[str, NDArray[Any]]) -> NodeGaps:
-    """Return the gaps that a kernel found, of the arrays `_FOUND`."""
-    clearance, normal, where, body, triangle = (found[name] for name in _FOUND)
-    friction, softness = (
-        np.array([*(getattr(bodies[i], name) for i in look.near[:-1]), 0.0])[body] for name in ("friction", "softness")
-    )
-    gap = clearance - along(normal, where)
-    return NodeGaps(tuple(bodies), gap, clearance, normal, look.near[body], triangle, friction, softness, where)
+def _gaps(found: Array, bodies: Sequence[ContactBody]) -> NodeGaps:
+    """Return the gaps of n points from a kernel's block, shape (`records.FOUND` n,), which they share."""
+    n = len(found) // records.FOUND
+    where, normal = found[: 6 * n].reshape(2, n, 3)
+    clearance, gap, friction, softness = found[6 * n : 10 * n].reshape(4, n)
+    body, triangle = found[10 * n :].view(np.int64).reshape(2, n)
+    return NodeGaps(tuple(bodies), gap, clearance, normal, body, triangle, friction, softness, where)

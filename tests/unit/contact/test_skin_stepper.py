@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from core.contact import posed_scene
 from core.contact.posed_scene import PosedScene
 from core.contact.proximity import Proximity
 from core.contact.skin_sampler import SkinSampler
@@ -194,7 +195,8 @@ def test_a_touch_that_begins_between_samples_comes_along_the_way(skin):
     np.testing.assert_array_equal(one.force.astype(np.float32), fast.force_at(3))
 
 
-def test_boxes_that_fingers_share_are_those_of_each_asked_anew() -> None:
+def test_boxes_of_bodies_near_a_place_are_those_of_all_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few boxes are computed at once for all fingers, many for each place that is asked for."""
     poses = np.tile(np.eye(4), (3, 2, 1, 1))
     poses[:, :, :3, 3] = np.random.default_rng(2).normal(size=(3, 2, 3))
     poses[1, 1, :3, :3] = 0.0
@@ -203,9 +205,16 @@ def test_boxes_that_fingers_share_are_those_of_each_asked_anew() -> None:
     for shift in (0.0, 0.5):
         poses[:, :, 0, 3] += shift
         posed.take(Chunk(np.arange(2.0), np.arange(2.0) / 24, fingers, poses.copy(), none))
-        for asked in ([0, 1, 2], [1], [0, 1, 2], [2, 1]):
-            kept = posed.boxes(np.array(asked))
-            posed._asked.clear()
-            for one, anew in zip(kept, posed.boxes(np.array(asked)), strict=True):
-                assert one.tobytes() == anew.tobytes()
-        assert posed.boxes(np.array([1]))[2].tolist() == [[False, True]]
+        every, *boxes = posed.near(np.zeros(3), np.zeros(3))
+        assert every.tolist() == [0, 1, 2] and boxes[2][1].tolist() == [False, True]
+        low, high = boxes[0] - boxes[1], boxes[0] + boxes[1]
+        monkeypatch.setattr(posed_scene, "AT_ONCE", 0)
+        found = set()
+        for place in np.concatenate([boxes[0].reshape(-1, 3), np.full((1, 3), 50.0)]):
+            bodies, *own = posed.near(place - 0.1, place + 0.1)
+            met = ((low <= place + 0.1) & (high >= place - 0.1)).all(axis=2).any(axis=1).nonzero()[0]
+            assert set(met.tolist()) <= set(bodies.tolist())
+            assert all(one.tobytes() == all_[bodies].tobytes() for one, all_ in zip(own, boxes, strict=True))
+            found.add(len(bodies))
+        assert min(found) == 0 < max(found)
+        monkeypatch.undo()

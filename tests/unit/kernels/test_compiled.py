@@ -207,11 +207,11 @@ def sanitized(path: str, short: bool = False) -> None:
             rows.source[rng.integers(0, len(rows.source))] = rng.choice([-1, 12, 2**62])
         refused += any(change.call(own)) + any(rows.call(own))
         touch = drawn_touch(seed)
-        for name in ("points", "where", "drag", "force", "areas", "compliance") if seed % 2 else ():
+        for name in ("points", "where", "offset", "force", "areas", "compliance") if seed % 2 else ():
             array = getattr(touch, name)
             array.flat[rng.integers(0, array.size)] = rng.choice(bad)
         if seed % 5 == 0:
-            touch.body[rng.integers(0, len(touch.body))] = rng.choice([-(2**62), 2, 2**62])
+            touch.wrong = int(rng.choice([-(2**62), 2, 2**62]))
         refused += any(touch.call(own))
         skin = drawn_skin(seed)
         skin.force.flat[rng.integers(0, skin.force.size)] = rng.choice(bad)

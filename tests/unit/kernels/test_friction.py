@@ -86,6 +86,10 @@ def test_sums_are_those_of_numpy(seed: int) -> None:
     tangential = (of["force"] - press[:, None] * of["facing"]).sum(axis=0)
     assert sums.normal == pytest.approx(press.sum(), rel=1e-12)
     assert sums.tangential == pytest.approx(np.linalg.norm(tangential), rel=1e-9)
+    sizes = np.linalg.norm(of["force"], axis=1)
+    assert sums.size == pytest.approx(sizes.sum(), rel=1e-12)
+    np.testing.assert_allclose(sums.resultant, of["force"].sum(axis=0), atol=1e-12 * sums.size)
+    np.testing.assert_allclose(sums.mean, sizes @ of["image"] / max(sizes.sum(), 1e-300), rtol=1e-9, atol=1e-18)
     assert (sums.sticking, sums.slipping) == ((of["status"] == 1).sum(), (of["status"] == 2).sum())
     up = press @ of["facing"]
     up /= max(np.linalg.norm(up), 1e-300)
@@ -93,3 +97,10 @@ def test_sums_are_those_of_numpy(seed: int) -> None:
     assert sums.slide == pytest.approx(np.linalg.norm(mean - (mean @ up) * up), rel=1e-9, abs=1e-15)
     if sums.from_rest:
         assert sums.depth == max(-of["gaps"].min(), 0.0)
+
+
+def test_sums_without_force_are_zero() -> None:
+    drawn = drawn_friction(0)
+    drawn.arrays["force"][:] = 0.0
+    assert not any(drawn.call(opened(library.kernels().path)))
+    assert drawn.sums.size == 0.0 and not any(drawn.sums.resultant) and not any(drawn.sums.mean)

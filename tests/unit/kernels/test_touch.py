@@ -12,7 +12,7 @@ from tests.kernel_cases.bodies import drawn_touch
 from tests.kernel_cases.case import opened
 from tests.kernel_cases.contacts import Contact
 
-VALUES = {"count": -1, "avx2": 2, "looked": 2, "thorough": 2, "width": 8, "bodies": -1}
+VALUES = {"count": -1, "avx2": 2, "looked": 2, "thorough": 2, "bodies": -1}
 SOLVED = {"stride": 2, "most": -1, "tolerance": -1.0}
 
 
@@ -24,25 +24,22 @@ def test_damaged_records_are_refused(field: str) -> None:
     wanted = [records.DONE, records.BAD_RECORD] if field in SOLVED else [records.BAD_RECORD]
     assert drawn_touch(4).call(own, **{field: value}) == wanted
     assert drawn_touch(4).call(own, tolerance=np.nan) == [records.DONE, records.BAD_RECORD]
+    for block in ("found", "room"):
+        assert drawn_touch(4).call(own, **{block: None}) == [records.BAD_RECORD]
 
 
 @pytest.mark.parametrize("body", [-2, 2, 2**62])
-def test_a_body_that_is_none_is_a_hint_for_a_look_and_refused_for_forces(body: int) -> None:
-    own = opened(library.kernels().path)
-    wanted = drawn_touch(6)
-    assert wanted.call(own) == [records.DONE] * 2
-    touch = drawn_touch(6)
-    touch.body[:] = body
-    assert touch.call(own) == [records.DONE] * 2
-    assert touch.answer() == wanted.answer()
-    assert touch.call(own, looked=1) == [records.BAD_RECORD]
+def test_a_look_of_another_scene_is_refused_for_forces(body: int) -> None:
+    touch = replace(drawn_touch(6), wrong=body)
+    assert touch.call(opened(library.kernels().path)) == [records.DONE, records.BAD_RECORD]
 
 
-@pytest.mark.parametrize("name", ["points", "where", "force", "drag", "shift"])
+@pytest.mark.parametrize("name", ["points", "where", "force", "offset", "shift"])
 def test_numbers_that_are_not_finite_are_refused(name: str) -> None:
     touch = drawn_touch(7)
     getattr(touch, name).reshape(-1)[-1] = np.inf
-    assert touch.call(opened(library.kernels().path)) == [records.NOT_FINITE]
+    looked = [] if name in ("points", "where") else [records.DONE]
+    assert touch.call(opened(library.kernels().path)) == [*looked, records.NOT_FINITE]
 
 
 def test_avx2_changes_no_byte() -> None:
@@ -66,14 +63,16 @@ def test_on_a_plane_alone_the_gap_is_exact_and_the_forces_are_those_of_the_sweep
     touch = replace(drawn_touch(seed), bodies=1, rounding=0.0, plane=True)
     touch.limit, touch.tolerance, touch.most = 1.0, 1e-9, 10000
     assert touch.call(own) == [records.DONE] * 2
-    found, n = touch.called[1].kept, len(touch.points)
+    found, n = touch.found, len(touch.points)
     normal, height = np.array([0.0, 0.0, 1.0]), touch.poses[1, 2] - 2e-3
-    assert (found["body"] == 0).all()
+    assert (found["owner"] == 1).all() and (found["friction"] == 0.7).all() and (found["softness"] == 1e-9).all()
     np.testing.assert_allclose(found["normal"], np.tile(normal, (n, 1)), atol=1e-12)
     places = touch.points + found["where"]
     np.testing.assert_allclose(found["clearance"], places[:, 2] - height, atol=1e-12)
+    np.testing.assert_allclose(found["gap"], touch.points[:, 2] - height, atol=1e-12)
+    looked = (touch.points + touch.where)[:, 2] - height  # gaps of the first look
     away = touch.points + touch.shift
-    way = touch.shift + touch.drag
+    way = touch.shift + touch.offset - looked[:, None] * normal
     offset = way + ((away[:, 2] - height) - way[:, 2])[:, None] * normal
     normals, friction, softness = np.tile(normal, (n, 1)), np.full(n, 0.7), 1e-9 / touch.areas
     start = np.zeros((n, 3))
@@ -95,10 +94,10 @@ def test_shortcuts_do_not_matter(seed: int) -> None:
     """
     own, found = opened(library.kernels().path), []
     for thorough in (0, 1):
-        touch = replace(drawn_touch(seed), rounding=0.0)
+        touch = replace(drawn_touch(seed), rounding=0.0, rubs=0.3)
         touch.tolerance, touch.most = 1e-12, 4000
         assert touch.call(own, thorough=thorough) == [records.DONE] * 2
-        found.append(touch.called[1].kept["force"])
+        found.append(touch.found["force"])
     np.testing.assert_allclose(found[0], found[1], rtol=0.0, atol=1e-3 * float(np.abs(found[1]).max()))
 
 
@@ -107,4 +106,6 @@ def test_a_point_whose_body_is_gone_carries_no_force() -> None:
     touch.poses[1, 2] = -1.0
     touch.force[:] = 0.1
     assert touch.call(opened(library.kernels().path)) == [records.DONE] * 2
-    assert (touch.called[1].kept["body"] == -1).all() and not touch.called[1].kept["force"].any()
+    found = touch.found
+    assert (found["owner"] == -1).all() and not found["force"].any() and not found["friction"].any()
+    assert np.isinf(found["gap"]).all()

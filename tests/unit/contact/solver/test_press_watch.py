@@ -11,6 +11,7 @@ import pytest
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.press_watch import PressWatch
 from core.surface.gap import Surface
+from tests.one_node import one_node
 
 BLOCK = Surface.block()
 
@@ -20,16 +21,7 @@ def lost(forces: list[float]) -> list[float]:
     watch, out = PressWatch(), []
     for k, force in enumerate(forces):
         came, now = (ContactBody(BLOCK, translation=np.array([0.0, 0.0, (k + i) * 1e-4])) for i in (0, 1))
-        normal = np.array([[0.0, 0.0, np.sign(force)]])
-        solution = SimpleNamespace(
-            force=np.array([[0.0, 0.0, force]]),
-            loaded=np.array([True]),
-            normal_force=np.array([abs(force)]),
-            normals=normal,
-        )
-        gaps = SimpleNamespace(body=np.array([0]), bodies=(now,))
-        step: Any = SimpleNamespace(solution=solution, gaps=gaps, points=np.zeros((1, 3)))
-        out.append(watch.lost([came], step))
+        out.append(watch.lost([came], one_node(now, np.array([[0.0, 0.0, force]]), np.zeros((1, 3)))))
     return out
 
 

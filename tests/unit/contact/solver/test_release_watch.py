@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.release_watch import ReleaseWatch
 from core.surface.gap import Surface
+from tests.one_node import one_node
 from tests.stress.paths import Press, dragged
 
 BLOCK = Surface.block()
@@ -22,11 +20,8 @@ def released(ways: list[float], forces: list[float]) -> list[float]:
     watch, out = ReleaseWatch(), []
     for k, (way, force) in enumerate(zip(ways, forces, strict=True)):
         came, now = (ContactBody(BLOCK, translation=np.array([(k + i) * STEP, 0.0, 0.0])) for i in (0, 1))
-        solution = SimpleNamespace(force=np.array([[force, 0.0, 1.0 if force else 0.0]]), loaded=np.array([force != 0]))
-        gaps = SimpleNamespace(body=np.array([0]), bodies=(now,))
-        moved, points = np.array([[way, 0.0, 0.0]]), np.zeros((1, 3))
-        step: Any = SimpleNamespace(solution=solution, gaps=gaps, displacement=moved, points=points)
-        out.append(watch.released([came], step))
+        pushed = np.array([[force, 0.0, 1.0 if force else 0.0]])
+        out.append(watch.released([came], one_node(now, pushed, np.array([[way, 0.0, 0.0]]))))
     return out
 
 

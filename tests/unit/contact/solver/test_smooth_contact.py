@@ -44,7 +44,7 @@ def test_a_point_over_one_flat_face_sees_from_one_place_what_it_sees_from_all(pa
     all_places = contact._prepared(points, [block], still)
     all_places.record.thorough = 1
     smooth_contact._call(all_places.record)
-    wanted = smooth_contact._gaps(all_places, [block], all_places.arrays)
+    wanted = smooth_contact._gaps(all_places.found, [block])
     near = np.flatnonzero(wanted.clearance < 0.1e-3)  # points farther away look but once at first
     assert len(near) > 20
     np.testing.assert_allclose(seen.clearance[near], wanted.clearance[near], atol=1e-12)
@@ -61,13 +61,10 @@ def test_what_is_left_in_a_kept_workspace_changes_no_byte(pad: SurfaceCompliance
     for kept in (False, True):
         contact = SmoothContact(REACH, BONE)
         if kept:
-            contact._space = smooth_contact._Workspace(2 * len(low))
-            for array in (contact._space.room, contact._space.work, contact._space.gathered):
-                array.fill(np.nan)
-            contact._space.active.fill(-7)
+            contact._room = np.full(40 * len(low) ** 2, np.nan)
         gaps = contact.look(points, [edge], zero)
         near = np.where(gaps.body >= 0, gaps.gap, 0.0)
-        solved = contact.solve(points, near[:, None] * gaps.normal, gaps, zero, 0.0, 3e-6, 3e-5)
+        solved = contact.solve(points, near[:, None] * gaps.normal, gaps, zero, None, 3e-6, 3e-5)
         found.append((gaps.clearance, solved.solution.force, solved.image, solved.solution.status))
     assert found[0][1].any()
     for one, other in zip(*found, strict=True):

@@ -87,7 +87,10 @@ class PosedScene:
         return self._bodies[b].boxes()
 
     def near(self, low: Array, high: Array) -> tuple[Indices, Array, Array, NDArray[np.bool_]]:
-        """Return bodies with all that may enter the box between two corners in the chunk [m], shape (3,) each.
+        """Return the bodies that may enter a box in the chunk, and perhaps others.
+
+        Args:
+            low, high: corners of the box [m], shape (3,) each.
 
         Returns:
             Indices of the bodies, shape (k,). Centre and half size of the bounding box of each in the world at every

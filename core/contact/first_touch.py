@@ -105,7 +105,7 @@ def first_touch(skin: SkinModel, body: ContactBody) -> float:
     # If the whole body is above the pad, it has passed beside it.
     height, highest = float(middles[:, 2].min()) - top - 2e-3, float(middles[:, 2].max()) - bottom
     start = replace(body, translation=np.array([*body.translation[:2], height]))
-    side = 1 if body.surface.closed else body.surface.side_of(*start.local(BONE))
+    side = start.side_of(BONE)
     while height <= highest:
         low, gap = _smallest(pieces, replace(body, translation=np.array([*body.translation[:2], height])), side)
         if gap <= 2.0 * CLOSE:
@@ -128,7 +128,7 @@ def _pieces(skin: SkinModel) -> _Squares | _Triangles:
     return _Triangles(mesh.nodes[mesh.surface[pad]])
 
 
-def _smallest(pieces: _Squares | _Triangles, body: ContactBody, side: int) -> tuple[float, float]:
+def _smallest(pieces: _Squares | _Triangles, body: ContactBody, side: float) -> tuple[float, float]:
     """Return a lower and an upper bound of the smallest gap [m]; they differ by at most half of it, or `CLOSE`.
 
     Args:

@@ -43,11 +43,13 @@ class _Look(NamedTuple):
         record: of the kernel, which points to the arrays of the points and of the bodies.
         found: block of what the kernel found, see `_gaps`.
         posed: the records of the bodies.
+        kept: the points' arrays and the workspace, which exist as long as the record points to them.
     """
 
     record: records.TouchRecord
     found: Array
     posed: Records[records.PosedRecord]
+    kept: tuple[Array, ...]
 
 
 class SmoothContact:
@@ -107,13 +109,13 @@ class SmoothContact:
             assert gaps.where is not None, "these gaps follow no points"
             self.look(points, gaps.bodies, gaps.where)
         assert self._seen is not None
-        look, n = self._seen[1], len(points.positions)
+        look = self._seen[1]
         self._seen = None  # the kernel changes its workspace
+        record, n = look.record, look.record.count
         found, out, matrix = look.found.copy(), np.empty(9 * n + -(-n // 8)), points.compliance
         (force, image, moved), status = out[: 9 * n].reshape(3, n, 3), out[9 * n :].view(np.int8)[:n]
         force[:] = start
         b, shift = np.ascontiguousarray(b), None if shift is None else np.ascontiguousarray(shift)
-        record = look.record
         record.found, record.out, record.compliance = address(found), address(out), address(matrix)
         record.offset, record.shift = address(b), None if shift is None else address(shift)
         record.stride, record.avx2, record.looked = matrix.strides[0] // matrix.itemsize, kernels().avx2, 1
@@ -124,8 +126,8 @@ class SmoothContact:
         return SolvedFrame(solution, image, "solved", new)
 
     def _prepared(self, points: ContactPoints, bodies: Sequence[ContactBody], where: Array) -> _Look:
-        at, lift = points.positions, points.lift
-        n = len(at)
+        at, inward, spread, areas = points.positions, points.inward, points.spread, points.areas
+        n, lift = len(at), points.lift
         near, posed = posed_records(bodies, at + where, self._reach + RATIO * lift, self._bone, points.width / CELL)
         size = (records.TOUCH_ROOM + 4.5 * n) * n
         if size > len(self._room):
@@ -134,9 +136,10 @@ class SmoothContact:
         found[: 3 * n] = where.reshape(-1)
         record = records.TouchRecord(count=n, bodies=len(near), posed=addressof(posed), limit=self._reach)
         record.lift, record.ratio = lift, RATIO
-        record.points, record.inward, record.spread = address(at), address(points.inward), address(points.spread)
-        record.areas, record.found, record.room = address(points.areas), address(found), address(self._room)
-        return _Look(record, found, posed)
+        kept = at, inward, spread, areas, self._room
+        record.points, record.inward, record.spread, record.areas, record.room = map(address, kept)
+        record.found = address(found)
+        return _Look(record, found, posed, kept)
 
 
 def _call(record: records.TouchRecord) -> None:

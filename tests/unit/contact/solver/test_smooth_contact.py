@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -69,6 +71,21 @@ def test_what_is_left_in_a_kept_workspace_changes_no_byte(pad: SurfaceCompliance
     assert found[0][1].any()
     for one, other in zip(*found, strict=True):
         assert one.tobytes() == other.tobytes()
+
+
+def test_arrays_of_a_look_exist_until_its_solution(pad: SurfaceCompliance) -> None:
+    """The kernel has their addresses alone."""
+    points = PointSet(pad)
+    points.change(np.zeros(0, dtype=np.int64), np.arange(9))
+    contact, names = SmoothContact(REACH, BONE), ("positions", "inward", "spread", "areas")
+    gaps = contact.look(points, walls(0.0), np.zeros((9, 3)))
+    seen = [weakref.ref(getattr(points, name)) for name in names]
+    for name in names:
+        setattr(points, name, getattr(points, name).copy())
+    gc.collect()
+    assert all(array() is not None for array in seen)
+    contact.solve(points, np.zeros((9, 3)), gaps, np.zeros((9, 3)), None, 3e-6, 3e-5)
+    assert all(array() is None for array in seen)
 
 
 def walls(*angles: float) -> list[ContactBody]:

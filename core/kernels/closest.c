@@ -243,7 +243,7 @@ void dermis_visit(const dermis_tree *tree, const double *x, double radius, const
     for (int64_t j = 0; j < tree->count && square >= 0.0; j++) {
         double row[DERMIS_ROW];
         dermis_gather(tree, tree->order[j], row);
-        if (rises(row, plane)) square = visitor(state, row);
+        if (plane == NULL || rises(row, plane)) square = visitor(state, row);
     }
 }
 

@@ -36,7 +36,7 @@ typedef double dermis_visitor(void *state, const double *row);
 /* Call a function for all triangles within a radius [m] of a point x [m] that rise above a plane, and some that are
    farther.
 
-   plane: unit normal, and coordinate of the plane along it [m] (4). */
+   plane: unit normal, and coordinate of the plane along it [m] (4); null: for all triangles. */
 void dermis_visit(const dermis_tree *tree, const double *x, double radius, const double *plane, dermis_visitor *visitor, void *state);
 
 /* Whether all triangles within a radius [m] of a point x [m] lie in a given plane and face along its normal.

@@ -173,7 +173,9 @@ typedef struct {
     double friction;         /* friction coefficient */
     double softness;         /* compliance of the body's own surface [m/Pa] */
     double side;             /* factor on gap and normal: 1, or -1 if the finger is behind the faces of an open sheet */
-    double sharpness;        /* share of the largest lift at which points look, see touch.c */
+    double sharpness;        /* share of the largest lift at which points look, see touch.c: largest of its parts */
+    const double *shares;    /* the same of each connected part (parts); null: it is the same for all */
+    const int64_t *part;     /* connected part of each triangle (total) */
     double tie, turn;        /* faces of two bodies coincide for a point if its gaps to them differ by less than `tie` [m] and
                                 their normals turn by less than `turn` [rad] */
     int64_t index;           /* of the body among all bodies */

@@ -176,11 +176,36 @@ int dermis_sees_plane(const dermis_posed *posed, int64_t bodies, const double *x
     return sight->body >= 0;
 }
 
+/* The sharp parts about a point x, in the frame of a body. */
+typedef struct {
+    const dermis_posed *posed;
+    double share, x[3], square; /* square: of the radius [m^2] */
+    int found;                  /* out: 1 if there is one */
+} sharp_search;
+
+static double find_sharp(void *state, const double *row) {
+    sharp_search *of = state;
+    double u, w;
+    of->found = dermis_share_of(of->posed, (int64_t)row[NUMBER]) > of->share && dermis_on_triangle(row, of->x, &u, &w) < of->square;
+    return of->found ? -1.0 : of->square;
+}
+
+int dermis_sharp_near(const dermis_posed *posed, double share, const double *x, double radius) {
+    sharp_search of = {.posed = posed, .share = share, .square = radius * radius, .found = 0};
+    if (!(posed->sharpness > share)) return 0;
+    localised(posed, x, of.x);
+    for (const dermis_body *body = posed->body; body != NULL && !of.found; body = body->next)
+        if (!dermis_beyond(body, of.x, radius)) dermis_visit(body->tree, of.x, radius, NULL, find_sharp, &of);
+    return of.found;
+}
+
 int dermis_sound_posed(const dermis_posed *posed, int64_t bodies) {
     if (bodies < 0) return 0;
-    for (int64_t b = 0; b < bodies; b++)
+    for (int64_t b = 0; b < bodies; b++) {
         for (const dermis_body *body = posed[b].body; body != NULL; body = body->next)
             if (!dermis_sound_body(body)) return 0;
+        if (posed[b].shares != NULL && (posed[b].body == NULL || posed[b].part == NULL)) return 0;
+    }
     return 1;
 }
 

@@ -38,6 +38,14 @@ void dermis_round(const dermis_posed *posed, int64_t bodies, const double *x, do
    sight: result of `dermis_look` at x. It is also 0 if this cannot be determined. */
 int dermis_sees_plane(const dermis_posed *posed, int64_t bodies, const double *x, double radius, const dermis_sight *sight);
 
+/* Return the share of the largest lift that the part of a body with a triangle needs. */
+static inline double dermis_share_of(const dermis_posed *posed, int64_t triangle) {
+    return posed->shares == NULL ? posed->sharpness : posed->shares[posed->part[triangle]];
+}
+
+/* Whether a triangle of a part that needs more than a share of the largest lift is within a radius [m] of a point x of the skin [m]. */
+int dermis_sharp_near(const dermis_posed *posed, double share, const double *x, double radius);
+
 /* `dermis_sound_posed`: whether the counts in the records of bodies have possible values.
    `dermis_known_posed`: whether their numbers are finite, and friction and softness not negative. */
 int dermis_sound_posed(const dermis_posed *posed, int64_t bodies);

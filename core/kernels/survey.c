@@ -198,18 +198,14 @@ static int64_t leaning_of(const dermis_survey *s, int64_t cell, const footprint 
     return sides_of(s, cell) & ((leaning[0] > s->odd * leaning[1]) | (leaning[1] > s->odd * leaning[0]) << 1);
 }
 
-/* Whether a body with edges is closest to the centre, or within the farthest of the `count` test points of it. */
-static int edges_near(const dermis_survey *s, const double *at, const double *inward, const double *corners, int count, const dermis_sight *middle) {
+/* Whether a part with edges is closest to a place, or within the farthest of the `count` test points of it. */
+static int edges_near(const dermis_survey *s, const double *at, const double *corners, int count, const dermis_sight *middle) {
     double radius = 0.0;
-    if (middle->body < 0 || s->posed[middle->body].sharpness > s->round) return 1;
+    if (middle->body < 0 || dermis_share_of(s->posed + middle->body, middle->triangle) > s->round) return 1;
     for (int corner = 0; corner < count; corner++) radius = dermis_most(radius, dermis_dot(corners + 3 * corner, corners + 3 * corner));
     radius = dermis_root(radius);
-    for (int64_t b = 0; b < s->bodies; b++) {
-        dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1};
-        if (s->posed[b].sharpness <= s->round) continue;
-        dermis_look(s->posed + b, 1, radius, s->limit, at, inward, &sight);
-        if (sight.body >= 0 && sight.gap < radius) return 1;
-    }
+    for (int64_t b = 0; b < s->bodies; b++)
+        if (dermis_sharp_near(s->posed + b, s->round, at, radius)) return 1;
     return 0;
 }
 
@@ -246,7 +242,7 @@ static int64_t way_below(const dermis_survey *s, int64_t cell, const centre *of,
         else if (of->within) /* it lies between the test points */
             way = sides_of(s, cell);
     }
-    if (!(beside & ~way) || !edges_near(s, of->at, of->inward, corners, 8, &of->sight)) return way;
+    if (!(beside & ~way) || !edges_near(s, of->at, corners, 8, &of->sight)) return way;
     look_about(s, of, corners + 12, hints + 4, &print);
     if (apart(&print) > s->edge) way |= beside & leaning_of(s, cell, &print, corners + 12);
     return way;
@@ -262,7 +258,7 @@ static int64_t way_dragged(const dermis_survey *s, int64_t cell, const centre *o
     corners_of(s, cell, 0.5, s->beyond, corners);
     for (int k = 0; k < 3; k++) shift[k] = s->drag[k] - along * of->inward[k], there[k] = of->at[k] + shift[k], print.normal[0][k] = sight.normal[k];
     sight.gap += dermis_dot(shift, sight.normal);
-    if (flat(s, of, there, corners, 4, &sight) || !edges_near(s, there, of->inward, corners, 4, &sight)) return 0;
+    if (flat(s, of, there, corners, 4, &sight) || !edges_near(s, there, corners, 4, &sight)) return 0;
     for (int corner = 0; corner < 4; corner++)
         for (int k = 0; k < 3; k++) corners[3 * corner + k] += shift[k];
     look_about(s, of, corners, hints, &print);

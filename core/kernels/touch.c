@@ -92,16 +92,12 @@ static void nothing(dermis_touch *t, view *v, int64_t i) {
     for (int k = 0; k < 3; k++) t->normal[3 * i + k] = v->plane[k] = v->normal[k] = v->at[k] = 0.0;
 }
 
-/* Return the share of the lift and the spread that the closest body needs. */
-static double sharpness_at(const dermis_touch *t, int64_t i) {
-    dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, t->body[i], -1, -1};
-    double x[3], share = t->bodies > 0 ? t->posed[0].sharpness : 1.0;
-    int alike = 1;
-    for (int64_t b = 1; b < t->bodies; b++) alike &= t->posed[b].sharpness == share;
-    if (alike) return share;
-    for (int k = 0; k < 3; k++) x[k] = t->points[3 * i + k] + t->where[3 * i + k] + t->lift * t->inward[3 * i + k];
-    dermis_look(t->posed, t->bodies, t->limit + t->lift, t->limit, x, t->inward + 3 * i, &sight);
-    return sight.body < 0 ? 1.0 : t->posed[sight.body].sharpness;
+/* Return the share of the lift and the spread that all bodies need everywhere; -1 if it differs. */
+static double share_of_all(const dermis_touch *t) {
+    double share = t->bodies > 0 ? t->posed[0].sharpness : 1.0;
+    for (int64_t b = 0; b < t->bodies; b++)
+        if (t->posed[b].shares != NULL || t->posed[b].sharpness != share) return -1.0;
+    return share;
 }
 
 /* Take a gap and a normal for those of a plane. */
@@ -122,15 +118,45 @@ static int flat(const dermis_touch *t, const dermis_sight *sight, const double *
     return dermis_sees_plane(t->posed, t->bodies, x, up + 2.0 * aside + dermis_abs(sight->gap) + up * rise, sight);
 }
 
+/* Look from the largest lift, and return the share of it that is needed there; 0 if that look was enough.
+
+   Where it shows no body, or one flat face, no other look is needed. sight: out, what it shows. */
+static double share_at(dermis_touch *t, view *v, int64_t i, int thorough, dermis_sight *sight) {
+    const double *inward = t->inward + 3 * i;
+    int64_t *slot = t->slots + LOOKS * i + 8;
+    double x[3], far = t->limit + t->ratio * t->lift;
+    *sight = (dermis_sight){0.0, {0.0, 0.0, 0.0}, t->body[i], -1, *slot};
+    for (int k = 0; k < 3; k++) x[k] = t->points[3 * i + k] + t->where[3 * i + k] + t->lift * inward[k];
+    dermis_look(t->posed, t->bodies, far, far, x, inward, sight);
+    if (sight->body < 0 || sight->gap > t->limit + t->lift) {
+        nothing(t, v, i);
+        return 0.0;
+    }
+    *slot = sight->slot, t->body[i] = sight->body, t->triangle[i] = sight->triangle;
+    if (!t->thorough && flat(t, sight, x, inward, t->spread + 6 * i, 1.0, t->lift)) {
+        take_plane(t, v, i, sight->gap - t->lift * dermis_dot(inward, sight->normal), sight->normal);
+        v->rough = !thorough && sight->gap - t->lift > FAR;
+        return 0.0;
+    }
+    return dermis_share_of(t->posed + sight->body, sight->triangle);
+}
+
 /* Look at the bodies from where the point is displaced to.
 
    thorough: 0: a point that is farther than FAR away takes the plane of the first look. */
 static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
     const double *inward = t->inward + 3 * i, *spread = t->spread + 6 * i;
     int64_t *slots = t->slots + LOOKS * i, body = t->body[i], slot = -1;
-    double share = sharpness_at(t, i), lift = share * t->lift, high = t->ratio, far = t->limit + high * lift;
-    double gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], nearest = __builtin_inf();
+    double share = share_of_all(t), gap = 0.0, turn[3] = {0.0, 0.0, 0.0}, each[5][3], nearest = __builtin_inf();
+    dermis_sight middle;
+    int fits = 0; /* 1: `middle` is what the first look sees */
     t->looks++, v->rough = 0;
+    if (share < 0.0) {
+        share = share_at(t, v, i, thorough, &middle);
+        if (!(share > 0.0)) return;
+        fits = share == 1.0;
+    }
+    double lift = share * t->lift, high = t->ratio, far = t->limit + high * lift;
     for (int p = 4; p >= 0; p--) {
         double part = PLACES[p][2];
         for (int k = 0; k < 3; k++) each[p][k] = 0.0;
@@ -139,7 +165,10 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
             dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[2 * p + above] < 0 ? slot : slots[2 * p + above]};
             for (int k = 0; k < 3; k++)
                 x[k] = t->points[3 * i + k] + t->where[3 * i + k] + share * (PLACES[p][0] * spread[k] + PLACES[p][1] * spread[3 + k]) + up * inward[k];
-            dermis_look(t->posed, t->bodies, far, far, x, inward, &sight);
+            if (fits && p == 4 && !above)
+                sight = middle;
+            else
+                dermis_look(t->posed, t->bodies, far, far, x, inward, &sight);
             if (sight.body < 0 || (p == 4 && !above && sight.gap > t->limit + lift)) {
                 nothing(t, v, i);
                 return;
@@ -149,7 +178,7 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
             if (p == 4 && above == 0) {
                 double there = sight.gap - lift * dermis_dot(inward, sight.normal);
                 int rough = !thorough && !t->thorough && sight.gap - lift > FAR;
-                if (rough || (!t->thorough && flat(t, &sight, x, inward, spread, share, lift))) {
+                if (rough || (!fits && !t->thorough && flat(t, &sight, x, inward, spread, share, lift))) {
                     take_plane(t, v, i, there, sight.normal);
                     v->rough = rough;
                     return;

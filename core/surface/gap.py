@@ -35,7 +35,7 @@ from .gap_query import GapQuery
 from .kernel_body import KernelBody
 from .pieces import pieces
 from .plain_triangles import PlainTriangles
-from .roundness import roundness
+from .roundness import Roundness, roundness
 from .sharp_places import SharpPlaces, sharp_places
 from .surface_normals import SurfaceNormals
 from .topology import Topology, topology_of
@@ -183,8 +183,8 @@ class Surface:
         return 0 if self.topology.doubled is None else int(self.topology.doubled.sum())
 
     @cached_property
-    def roundness(self) -> float:
-        """Radius of the sharpest convex bend [m], see `roundness`."""
+    def roundness(self) -> Roundness:
+        """Radius of the sharpest convex bend of each part."""
         return roundness(self.table, self.topology)
 
     @cached_property

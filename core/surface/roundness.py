@@ -1,9 +1,11 @@
-"""Roundness of a triangle surface: the radius of its sharpest convex bend.
+"""Roundness of the parts of a triangle surface: the radius of the sharpest convex bend of each.
 
 It is that of the shape, however its flat faces are cut into triangles.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,21 +21,34 @@ ROUNDING = 1e-15  # of a coordinate, over the largest: normals of triangles so t
 ONCE = 2_000_000  # distances that are computed at once
 
 
-def roundness(table: TriangleTable, topology: Topology) -> float:
-    """Return the smallest radius of a convex bend [m]: 0 with an edge or a rim, inf for a plane.
+class Roundness(NamedTuple):
+    """Roundness of the parts of a surface, which have no vertex in common.
+
+    Attributes:
+        radii: smallest radius of a convex bend of each part [m]: 0 with an edge or a rim, inf with none, shape (p,).
+        part: index of each triangle's part, shape (T,).
+    """
+
+    radii: Array
+    part: Indices
+
+
+def roundness(table: TriangleTable, topology: Topology) -> Roundness:
+    """Return the roundness of the parts of a surface.
 
     Args:
         table: triangles of the surface.
         topology: their neighbours.
     """
-    usable = table.usable
-    if (usable[:, None] & (topology.edge_kind == BOUNDARY)).any():
-        return 0.0
-    across = topology.across
+    usable, across, corners = table.usable, topology.across, topology.corners
+    joined = components(len(topology.vertex_kind), corners[:, :2].ravel(), corners[:, 1:].ravel())
+    part = np.unique(joined[corners[:, 0]], return_inverse=True)[1].reshape(-1)
+    radii = np.full(int(part.max()) + 1, np.inf)
+    radii[part[usable & (topology.edge_kind == BOUNDARY).any(axis=1)]] = 0.0
     areas = _twice_areas(table)
     normals = np.ascontiguousarray(_normals(table, across, areas).T)
     middles = table.rows[:3] + (table.rows[3:6] + table.rows[6:9]) / 3.0
-    known = (across >= 0) & usable[:, None] & usable[across]
+    known = (across >= 0) & usable[:, None] & usable[across] & (radii[part] > 0.0)[:, None]
     triangle, edge = known.nonzero()
     other = across[triangle, edge]
     own = normals[:, triangle]
@@ -41,18 +56,21 @@ def roundness(table: TriangleTable, topology: Topology) -> float:
     below = column_dots(middles[:, other] - middles[:, triangle], own) < 0.0
     bent = turn > FLAT
     convex = bent & below
+    radii[part[triangle[convex & (turn > EDGE)]]] = 0.0
+    curved = radii[part[triangle]] > 0.0
+    convex &= curved
     if not convex.any():
-        return float("inf")
-    if (turn[convex] > EDGE).any():
-        return 0.0
+        return Roundness(radii, part)
     face = components(len(usable), triangle[~bent], other[~bent])  # index of each triangle's flat face
+    bent &= curved
     widths = _widths(table, normals.T, areas, face, triangle[bent], edge[bent])
     here = np.full(across.shape, np.nan)
     here[triangle[bent], edge[bent]] = widths
     triangle, edge, other, turn = triangle[convex], edge[convex], other[convex], turn[convex]
     back = (across[other] == triangle[:, None]).argmax(axis=1)
     apart = (here[triangle, edge] + here[other, back]) / 3.0  # of the faces' middles, across the edge
-    return float((apart / turn).min())
+    np.minimum.at(radii, part[triangle], apart / turn)
+    return Roundness(radii, part)
 
 
 def _twice_areas(table: TriangleTable) -> Array:

@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from ctypes import Array as Records
 from ctypes import addressof
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from ...arrays import Array
 from ...kernels import records
+from ...kernels.records import address
 from ...surface.gap import Surface
 from .bodies import TIE, TURN, ContactBody, boxes_meet, by_precedence
 
 # UNIQUE: radius of an edge from which contact has one state on cells of 0.2 mm [m]. ROUNDED: radius that the largest
 # lift adds to an edge [m]. ROUND: least share of the lift.
 UNIQUE, ROUNDED, ROUND = 0.45e-3, 0.25e-3, 1.0 / 3.0
+_SHARES: WeakKeyDictionary[Surface, dict[float, Array]] = WeakKeyDictionary()
 
 
 def posed_records(
@@ -56,12 +59,15 @@ def corners_about(points: Array) -> Array:
     return np.stack([c.ravel() for c in np.meshgrid(*ends.T)], axis=1)
 
 
-def sharpness(body: ContactBody, coarse: float = 1.0) -> float:
-    """Return the share of the largest lift that a body needs, from `ROUND` to 1; `coarse` as in `posed_records`."""
-    if not isinstance(body.surface, Surface):
-        return ROUND
-    needed = 1.0 if body.deforms else (UNIQUE - body.surface.roundness / coarse) / ROUNDED
-    return min(max(needed, ROUND), 1.0)
+def shares_of(surface: Surface, coarse: float) -> Array:
+    """Return the share of the largest lift that each part of a surface needs, from `ROUND` to 1, shape (p,).
+
+    `coarse` as in `posed_records`. The shares are kept as long as the surface, for records that point to them.
+    """
+    known = _SHARES.setdefault(surface, {})
+    if coarse not in known:
+        known[coarse] = np.clip((UNIQUE - surface.roundness.radii / coarse) / ROUNDED, ROUND, 1.0)
+    return known[coarse]
 
 
 def _pose(record: records.PosedRecord, body: ContactBody, bone: Array, coarse: float) -> None:
@@ -75,4 +81,9 @@ def _pose(record: records.PosedRecord, body: ContactBody, bone: Array, coarse: f
     record.rotation[:] = np.asarray(body.rotation).reshape(-1).tolist()
     record.translation[:] = body.translation.tolist()
     record.friction, record.softness = body.friction, body.softness
-    record.sharpness, record.tie, record.turn = sharpness(body, coarse), TIE, TURN
+    record.sharpness, record.tie, record.turn = 1.0 if body.deforms else ROUND, TIE, TURN
+    if isinstance(body.surface, Surface) and not body.deforms:
+        shares = shares_of(body.surface, coarse)
+        record.sharpness = shares.max()
+        if shares.min() < record.sharpness:
+            record.shares, record.part = address(shares), address(body.surface.roundness.part)

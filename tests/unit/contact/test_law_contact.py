@@ -188,8 +188,8 @@ def test_stiffness_only_scales(skin: SkinModel, young: float) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_whole_press_in_one_frame_is_the_end_of_its_path(skin: SkinModel, shape: str) -> None:
-    """The ball is wide: beneath a narrow one, skin of so few nodes may lean to either side."""
-    ends, surface = [], ball(8e-3) if shape == "ball" else SHAPES[shape]()
+    """Beneath a ball, skin of so few nodes leans to one side or the other, which rounding decides."""
+    other, ends, surface = mirrored(skin), [], ball(8e-3) if shape == "ball" else SHAPES[shape]()
     for step in (0.1e-3, 2e-3):
         touch = press(skin, surface, 2e-3, friction=0.0, step=step)
         path = on_nodes(skin, 3e-5)
@@ -199,8 +199,11 @@ def test_a_whole_press_in_one_frame_is_the_end_of_its_path(skin: SkinModel, shap
             steps.append(path.step([ContactBody(last.surface, last.rotation, place, last.friction)]))
         assert all(s.solution.converged for s in steps)
         ends.append(steps[-1])
-    assert off(ends[1].solution.force, ends[0].solution.force) <= 6e-3
-    assert off(ends[1].displacement, ends[0].displacement) <= 6e-3
+    force, moved = ends[1].solution.force, ends[1].displacement
+    if off(force[other] * MIRROR, ends[0].solution.force) < off(force, ends[0].solution.force):
+        force, moved = force[other] * MIRROR, moved[other] * MIRROR
+    assert off(force, ends[0].solution.force) <= 6e-3
+    assert off(moved, ends[0].displacement) <= 6e-3
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(-0.36, 0.29), (-0.5, 0.0), (0.0, 0.5)])

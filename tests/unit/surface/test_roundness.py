@@ -15,7 +15,7 @@ pytest.importorskip("scipy")
 
 
 def of(vertices: np.ndarray, triangles: np.ndarray) -> float:
-    return Surface.build(vertices, triangles).roundness
+    return float(Surface.build(vertices, triangles).roundness.radii.min())
 
 
 @pytest.mark.parametrize("facets", [80, 320, 5120])
@@ -37,7 +37,7 @@ def test_many_distances_are_computed_in_parts(monkeypatch: pytest.MonkeyPatch) -
     whole = of(*cut)
     monkeypatch.setattr("core.surface.roundness.ONCE", 7)
     surface = Surface.build(*cut)
-    assert roundness(surface.table, surface.topology) == whole
+    assert roundness(surface.table, surface.topology).radii.tolist() == [whole]
 
 
 @pytest.mark.parametrize("name", ["edge_60", "edge_120", "block", "coin", "ribs"])
@@ -59,4 +59,15 @@ def test_a_vertex_that_lies_far_apart_gives_a_radius_without_a_warning() -> None
     surface = Surface.build(vertices, ball.triangles)
     assert surface.table.rows[9:12].min() < 0.0
     with np.errstate(all="raise"):
-        assert surface.roundness == 0.0
+        assert surface.roundness.radii.tolist() == [0.0]
+
+
+def test_each_part_has_its_own_roundness_and_faces_that_share_a_vertex_are_one_part() -> None:
+    ball, block = shapes.sphere(8e-3, 320), shapes.block(4e-3, 4e-3, 2e-3)
+    far = [block[0] + [0.0, 0.0, -50e-3], block[1] + len(ball[0])]
+    both = Surface.build(np.vstack([ball[0], far[0]]), np.vstack([ball[1], far[1]])).roundness
+    np.testing.assert_array_equal(both.radii, [of(*ball), 0.0])
+    np.testing.assert_array_equal(both.part, np.repeat([0, 1], [len(ball[1]), len(block[1])]))
+    flipped = block[1].copy()
+    flipped[0] = flipped[0, ::-1]  # three edges of a face disagree about the outside
+    assert Surface.build(block[0], flipped).roundness.radii.tolist() == [0.0]

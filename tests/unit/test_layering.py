@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 from pathlib import Path
 
 import pytest
@@ -190,6 +191,7 @@ def files(folder: Path) -> list[Path]:
     return sorted(p for p in folder.rglob("*.py") if "__pycache__" not in p.parts)
 
 
+@functools.cache
 def parsed(path: Path) -> ast.Module:
     """Parse one source."""
     return ast.parse(path.read_text(encoding="utf-8"), str(path))

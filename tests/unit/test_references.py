@@ -20,7 +20,7 @@ from tests.benchmarks.references.sliding import SLIDES, slid
 from tests.benchmarks.references.tissue import MATERIAL, PA, Condensed, Tissue, cauchy, stiffness
 from tests.benchmarks.references.turned_shapes import Cone, Dot, Peg, Torus
 
-pytestmark = pytest.mark.one_line("3.11", "a tool of developers: the product does not use it")
+pytestmark = pytest.mark.one_line("3.13", "a tool of developers: the product does not use it")
 
 COARSE = Gradings(Grading(0.4, 0.5), Grading(0.8, 1.0), Grading(0.4, 0.5))
 

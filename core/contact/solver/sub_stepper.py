@@ -162,11 +162,13 @@ class SubStepper:
             parts, self.cut = COARSE_PARTS, True
         last, fast = self.solver.gaps, parts > MAX_PARTS
         if fast:
-            what, remedy = (
-                "contact moves too far in one frame: it is solved in coarser steps",
+            self._warn(
+                "too-fast",
+                TOO_FAST,
                 "Sample more often, or move slower",
+                value=f"{parts} steps",
+                limit=f"<= {MAX_PARTS}",
             )
-            self._warn("too-fast", what, remedy, value=f"{parts} steps", limit=f"<= {MAX_PARTS}")
             parts = MAX_PARTS if last is None else FAST_PARTS
         if last is not None and -min(float(gaps.gap.min()), float(last.gap.min())) > self.solver.depth_limit:
             parts = min(parts, DEEP_PARTS)

@@ -13,7 +13,7 @@ from tests.unit.stream.firmware_board import ANIMATION_BAUD, BAUD, Board, Chip, 
 from tests.unit.stream.firmware_floods import ARRIVES, FAR, FLOODS, FRAME_US, ROUNDING_US, SLEW, flood
 from tests.unit.stream.firmware_host import HostBoard, every_chip, every_line, hosted
 
-pytestmark = pytest.mark.one_line("3.11", "the sketch is C++, compiled by the system's compilers")
+pytestmark = pytest.mark.one_line("3.13", "the sketch is C++, compiled by the system's compilers")
 
 OFTEN = ["00 01", "random bytes, 30 % zeros", "HELLO of other sessions", "the whole session again", "longest frames"]
 OFTEN += [name for name in FLOODS if "CONFIGURE" in name]

@@ -19,7 +19,7 @@ from core.errors import DermisError
 from core.track import c_header, check
 from core.track.command_track import CommandTrack
 
-pytestmark = pytest.mark.one_line("3.11", "the header is C, compiled by the system's compiler")
+pytestmark = pytest.mark.one_line("3.13", "the header is C, compiled by the system's compiler")
 
 SPEC = DeviceSpec(
     "dev",

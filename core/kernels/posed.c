@@ -17,6 +17,10 @@
 #define LOW 1e-6
 /* A second face that is at the end of the kink's width up to this does not count, for rounding [m]. */
 #define ROUNDING 1e-10
+/* The distance falls along a way if the cosine between the way and the direction to the point is above FALL: rounding of a
+   direction over some hundredths of a millimetre is less. RING: at most this many triangles around a vertex are asked. */
+#define FALL 1e-9
+#define RING 64
 
 /* Convert a point from the frame of the skin to that of a body. */
 static void localised(const dermis_posed *posed, const double *x, double *local) {
@@ -97,27 +101,78 @@ void dermis_look(const dermis_posed *posed, int64_t bodies, double limit, double
 
 /* The closest faces of a point, in the frame of a body. */
 typedef struct {
+    const dermis_body *body;
     double x[3], gap, normal[3]; /* the point, its gap and the gradient, by the closest face [m] */
     double width, side;          /* width of the kink [m]; 1, or -1 behind an open sheet */
     double less, turn[3];        /* out: reduction of the gap by a second face [m], and change of the gradient */
 } kink;
 
-/* Take a face as the second one if it reduces the gap most.
+/* Return the width of the kink with a second face [m]; 0 if it reduces the gap no more than the best one so far.
 
    distance: from the point [m]. normal: unit vector from the face to the point (3). */
-static void reduce(kink *at, double distance, const double *normal) {
+static double width_of(const kink *at, double distance, const double *normal) {
     double cosine = dermis_dot(at->normal, normal), width = at->width * dermis_least(1.0, 1.0 + cosine), more = distance - at->gap;
     /* a face in or below the plane through the closest point is at least this much farther */
     if (cosine > 0.0) width = dermis_least(width, dermis_most(at->gap, 0.0) * (1.0 / cosine - 1.0));
-    if (width - more <= ROUNDING) return;
-    double less = (width - more) * (width - more) / (4.0 * width);
-    if (less <= at->less) return;
-    at->less = less;
-    for (int k = 0; k < 3; k++) at->turn[k] = (width - more) / (2.0 * width) * (normal[k] - at->normal[k]);
+    return width - more > ROUNDING && (width - more) * (width - more) / (4.0 * width) > at->less ? width : 0.0;
+}
+
+/* Take a face as the second one, with the width of its kink [m]; nothing is changed if this is 0. */
+static void reduce(kink *at, double width, double distance, const double *normal) {
+    double over = width - (distance - at->gap);
+    if (!(width > 0.0)) return;
+    at->less = over * over / (4.0 * width);
+    for (int k = 0; k < 3; k++) at->turn[k] = over / (2.0 * width) * (normal[k] - at->normal[k]);
 }
 
 /* Return the distance of a point beyond which no face reduces the gap more than the best one so far [m]. */
 static double reach_of_kink(const kink *at) { return at->gap + at->width - 2.0 * dermis_root(at->less * at->width); }
+
+/* Whether the distance of a point falls along the way from one corner of a triangle to another. normal: see `lowest`. */
+static int falls(const dermis_tree *tree, int64_t triangle, int from, int to, const double *normal) {
+    double way[3];
+    for (int k = 0; k < 3; k++) {
+        const double *column = tree->rows + k * tree->total + triangle;
+        double ab = column[AB * tree->total], ac = column[AC * tree->total];
+        way[k] = (to == 1 ? ab : to == 2 ? ac : 0.0) - (from == 1 ? ab : from == 2 ? ac : 0.0);
+    }
+    return dermis_dot(normal, way) > FALL * dermis_root(dermis_dot(way, way));
+}
+
+/* Return the place of a vertex among the corners of a triangle; 3 if it is none of them. */
+static int corner_at(const dermis_body *body, int64_t triangle, int64_t vertex) {
+    int corner = 0;
+    while (corner < 3 && body->corners[3 * triangle + corner] != vertex) corner++;
+    return corner;
+}
+
+/* Whether the closest point on a triangle is closest among all points near it on the surface.
+
+   If it is on the border, a neighbouring triangle may have closer ones. Counting those alone that are closest makes the
+   result independent of how a face is cut into triangles.
+
+   u, w: weights of corners b and c at the closest point. normal: unit vector from there to the point whose distance is measured (3). */
+static int lowest(const dermis_body *body, int64_t triangle, double u, double w, const double *normal) {
+    int on[3] = {w == 0.0, 1.0 - u - w <= DBL_EPSILON, u == 0.0}; /* edges ab, bc and ca */
+    for (int k = 0; k < 3; k++) { /* at corner k; between corners k and k + 1 */
+        int corner = on[k] && on[(k + 2) % 3];
+        if (!corner && !(on[k] && !on[(k + 1) % 3] && !on[(k + 2) % 3])) continue;
+        int64_t vertex = body->corners[3 * triangle + k];
+        for (int back = 0; back < 1 + corner; back++) {
+            int64_t at = triangle;
+            int own = k;
+            for (int step = 0; step < (corner ? RING : 1); step++) {
+                at = body->across[3 * at + (back ? (own + 2) % 3 : own)];
+                if (at < 0 || at == triangle) break;
+                own = corner_at(body, at, vertex);
+                if (own == 3) break;
+                if (falls(body->tree, at, own, (own + 1) % 3, normal) || falls(body->tree, at, own, (own + 2) % 3, normal)) return 0;
+            }
+            if (at == triangle) break;
+        }
+    }
+    return 1;
+}
 
 static double reduce_by_triangle(void *state, const double *row) {
     kink *at = state;
@@ -125,7 +180,8 @@ static double reduce_by_triangle(void *state, const double *row) {
     if (distance < at->gap + at->width && distance > 0.0) {
         for (int k = 0; k < 3; k++) normal[k] = (at->x[k] - row[k] - u * row[AB + k] - w * row[AC + k]) / distance;
         dermis_cross(row + AB, row + AC, facing);
-        if (at->side * dermis_dot(facing, normal) > 0.0) reduce(at, distance, normal);
+        double found = at->side * dermis_dot(facing, normal) > 0.0 ? width_of(at, distance, normal) : 0.0;
+        if (found > 0.0 && lowest(at->body, (int64_t)row[NUMBER], u, w, normal)) reduce(at, found, distance, normal);
     }
     double reach = reach_of_kink(at);
     return reach < 0.0 ? reach : reach * reach;
@@ -143,12 +199,12 @@ void dermis_round(const dermis_posed *posed, int64_t bodies, const double *x, do
         localised(one, x, at.x);
         dermis_turned_back(one->rotation, sight->normal, at.normal);
         double plane[4] = {at.normal[0], at.normal[1], at.normal[2], dermis_dot(at.x, at.normal) - at.gap + LOW};
-        for (const dermis_body *body = one->body; body != NULL; body = body->next)
+        for (const dermis_body *body = at.body = one->body; body != NULL; at.body = body = body->next)
             if (!dermis_beyond(body, at.x, at.gap + width)) dermis_visit(body->tree, at.x, reach_of_kink(&at), plane, reduce_by_triangle, &at);
         if (one->body == NULL) {
             double gap, normal[3];
             int64_t slot = -1;
-            if (measure(one, x, sight->gap + width, &slot, &gap, normal) >= 0) reduce(&at, gap, one->plane);
+            if (measure(one, x, sight->gap + width, &slot, &gap, normal) >= 0) reduce(&at, width_of(&at, gap, one->plane), gap, one->plane);
         }
         if (at.less <= less) continue;
         less = at.less;

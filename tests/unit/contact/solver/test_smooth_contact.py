@@ -167,6 +167,43 @@ def test_a_hollow_is_that_of_the_shape_whatever_its_triangles(pad: SurfaceCompli
     assert np.abs(alone[0] - one).max() > 0.02e-3  # the second face counts at some of them
 
 
+def bumps(seed: int, closed: bool) -> Surface:
+    """Return a field of random heights up to 0.5 mm over squares of 1.2 mm, alone or as the top of a slab."""
+    size, rng = 7, np.random.default_rng(seed)
+    i, j = np.divmod(np.arange(size * size), size)
+    flat = 1.2e-3 * np.column_stack([i - size // 2, j - size // 2])
+    vertices = np.column_stack([flat, 0.5e-3 * rng.random(size * size)])
+    own = np.arange(size * size).reshape(size, size)
+    a, b, c, d = (part.ravel() for part in (own[:-1, :-1], own[1:, :-1], own[1:, 1:], own[:-1, 1:]))
+    triangles = np.vstack([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    if closed:
+        rim = np.concatenate([own[:-1, 0], own[-1, :-1], own[:0:-1, -1], own[0, :0:-1]])
+        after, count = np.roll(rim, -1), len(vertices)
+        vertices = np.vstack([vertices, vertices * [1.0, 1.0, 0.0] - [0.0, 0.0, 3e-3]])
+        sides = np.vstack(
+            [np.column_stack([rim, rim + count, after]), np.column_stack([after, rim + count, after + count])]
+        )
+        triangles = np.vstack([triangles, triangles[:, ::-1] + count, sides])
+    return Surface.build(vertices, triangles)
+
+
+@pytest.mark.parametrize("closed", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_hollows_of_all_angles_are_those_of_the_shape_whatever_its_triangles(
+    pad: SurfaceCompliance, seed: int, closed: bool
+) -> None:
+    """Of a face that is cut, only the place that is closest counts."""
+    plain, rng = bumps(seed, closed), np.random.default_rng(seed)
+    assert plain.closed == closed
+    places = np.array([0.0, 0.0, 0.3e-3]) + rng.uniform(-1.0, 1.0, (120, 3)) * [2e-3, 2e-3, 0.3e-3]
+    (one, facing), (other, also) = (
+        gaps_of(pad, [ContactBody(surface)], places) for surface in (plain, quartered(plain, 2))
+    )
+    assert np.isfinite(one).sum() > 100
+    np.testing.assert_allclose(other, one, atol=1e-9)
+    np.testing.assert_allclose(also, facing, atol=1e-6)
+
+
 def turn(angle: float) -> np.ndarray:
     """Return a rotation about X and Z [rad]."""
     c, s = np.cos(angle), np.sin(angle)

@@ -17,10 +17,12 @@
 #define LOW 1e-6
 /* A second face that is at the end of the kink's width up to this does not count, for rounding [m]. */
 #define ROUNDING 1e-10
-/* The distance falls along a way if the cosine between the way and the direction to the point is above FALL: rounding of a
-   direction over some hundredths of a millimetre is less. RING: at most this many triangles around a vertex are asked. */
-#define FALL 1e-9
+/* The distance falls along a way if the cosine between the way and the direction to the point is above FALL: triangles that
+   are a nanometre apart over some hundredths of a millimetre are continuous. RING: at most this many triangles around a
+   vertex are asked. PASSED: at most this many triangles without area between two faces are passed. */
+#define FALL 1e-4
 #define RING 64
+#define PASSED 8
 
 /* Convert a point from the frame of the skin to that of a body. */
 static void localised(const dermis_posed *posed, const double *x, double *local) {
@@ -146,6 +148,18 @@ static int corner_at(const dermis_body *body, int64_t triangle, int64_t vertex) 
     return corner;
 }
 
+/* Whether the distance falls from an edge of a triangle into the face beyond it; triangles without area between both are passed,
+   at most `passed` of them. normal: see `lowest`. */
+static int falls_beyond(const dermis_body *body, int64_t triangle, int edge, const double *normal, int passed) {
+    int64_t next = body->across[3 * triangle + edge];
+    int own = next < 0 ? 3 : corner_at(body, next, body->corners[3 * triangle + edge]);
+    if (own == 3) return 0;
+    if (body->tree->rows[INVERSE * body->tree->total + next] > 0.0) return falls(body->tree, next, own, (own + 1) % 3, normal) || falls(body->tree, next, own, (own + 2) % 3, normal);
+    for (int k = 0; k < 3 && passed > 0; k++)
+        if (body->across[3 * next + k] != triangle && falls_beyond(body, next, k, normal, passed - 1)) return 1;
+    return 0;
+}
+
 /* Whether the closest point on a triangle is closest among all points near it on the surface.
 
    If it is on the border, a neighbouring triangle may have closer ones. Counting those alone that are closest makes the
@@ -157,16 +171,17 @@ static int lowest(const dermis_body *body, int64_t triangle, double u, double w,
     for (int k = 0; k < 3; k++) { /* at corner k; between corners k and k + 1 */
         int corner = on[k] && on[(k + 2) % 3];
         if (!corner && !(on[k] && !on[(k + 1) % 3] && !on[(k + 2) % 3])) continue;
-        int64_t vertex = body->corners[3 * triangle + k];
-        for (int back = 0; back < 1 + corner; back++) {
-            int64_t at = triangle;
+        if (!corner && falls_beyond(body, triangle, k, normal, PASSED)) return 0;
+        int64_t vertex = body->corners[3 * triangle + k], at = triangle;
+        for (int back = 0; back < 2 * corner; back++) {
             int own = k;
-            for (int step = 0; step < (corner ? RING : 1); step++) {
+            at = triangle;
+            for (int step = 0; step < RING; step++) {
                 at = body->across[3 * at + (back ? (own + 2) % 3 : own)];
-                if (at < 0 || at == triangle) break;
-                own = corner_at(body, at, vertex);
-                if (own == 3) break;
+                own = at < 0 ? 3 : corner_at(body, at, vertex);
+                if (own == 3 || at == triangle) break;
                 if (falls(body->tree, at, own, (own + 1) % 3, normal) || falls(body->tree, at, own, (own + 2) % 3, normal)) return 0;
+                if (!(body->tree->rows[INVERSE * body->tree->total + at] > 0.0) && falls_beyond(body, at, (own + 1) % 3, normal, PASSED)) return 0;
             }
             if (at == triangle) break;
         }

@@ -91,6 +91,7 @@ class Topology:
     @classmethod
     def _of(cls, merged: NDArray[np.int64], triangles: NDArray[np.integer], ignored: NDArray[np.bool_]) -> Topology:
         count, corners = len(merged), merged[triangles].astype(np.int64)
+        ignored = ignored | (corners == np.roll(corners, -1, axis=1)).any(axis=1)  # both sides of an edge, or a point
         start = corners.copy()
         start[ignored] = start[ignored, :1]  # an ignored triangle becomes a point, which has no edges
         end = np.roll(start, -1, axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from ctypes import Array as Records
 from ctypes import addressof
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -18,7 +19,21 @@ from .bodies import TIE, TURN, ContactBody, boxes_meet, by_precedence
 # UNIQUE: radius of an edge from which contact has one state on cells of 0.2 mm [m]. ROUNDED: radius that the largest
 # lift adds to an edge [m]. ROUND: least share of the lift.
 UNIQUE, ROUNDED, ROUND = 0.45e-3, 0.25e-3, 1.0 / 3.0
-_SHARES: WeakKeyDictionary[Surface, dict[float, Array]] = WeakKeyDictionary()
+
+
+class Shares(NamedTuple):
+    """Shares of the largest lift, from `ROUND` to 1.
+
+    Attributes:
+        parts: share that each part of a surface needs, shape (p,); None if all need the same.
+        largest: largest of them.
+    """
+
+    parts: Array | None
+    largest: float
+
+
+_SHARES: WeakKeyDictionary[Surface, dict[float, Shares]] = WeakKeyDictionary()
 
 
 def posed_records(
@@ -59,14 +74,17 @@ def corners_about(points: Array) -> Array:
     return np.stack([c.ravel() for c in np.meshgrid(*ends.T)], axis=1)
 
 
-def shares_of(surface: Surface, coarse: float) -> Array:
-    """Return the share of the largest lift that each part of a surface needs, from `ROUND` to 1, shape (p,).
+def shares_of(surface: Surface, coarse: float) -> Shares:
+    """Return the shares of the largest lift that the parts of a surface need; `coarse` as in `posed_records`.
 
-    `coarse` as in `posed_records`. The shares are kept as long as the surface, for records that point to them.
+    They are kept as long as the surface, for records that point to them.
     """
-    known = _SHARES.setdefault(surface, {})
+    known = _SHARES.get(surface)
+    if known is None:
+        known = _SHARES[surface] = {}
     if coarse not in known:
-        known[coarse] = np.clip((UNIQUE - surface.roundness.radii / coarse) / ROUNDED, ROUND, 1.0)
+        parts = np.clip((UNIQUE - surface.roundness.radii / coarse) / ROUNDED, ROUND, 1.0)
+        known[coarse] = Shares(parts if np.ptp(parts) > 0.0 else None, float(parts.max()))
     return known[coarse]
 
 
@@ -84,6 +102,6 @@ def _pose(record: records.PosedRecord, body: ContactBody, bone: Array, coarse: f
     record.sharpness, record.tie, record.turn = 1.0 if body.deforms else ROUND, TIE, TURN
     if isinstance(body.surface, Surface) and not body.deforms:
         shares = shares_of(body.surface, coarse)
-        record.sharpness = shares.max()
-        if shares.min() < record.sharpness:
-            record.shares, record.part = address(shares), address(body.surface.roundness.part)
+        record.sharpness = shares.largest
+        if shares.parts is not None:
+            record.shares, record.part = address(shares.parts), address(body.surface.roundness.part)

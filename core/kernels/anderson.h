@@ -20,13 +20,13 @@
 typedef struct {
     int64_t size;    /* 3 count */
     int kept;        /* number of earlier pairs in the store */
-    double *store;   /* for each pair: the force and the image after it, and the change of the force in it
-                        (DERMIS_KEPT + 1, 3, size) */
+    double *store;   /* for each pair: the force, the image and `later` after it, and the change of the force in it
+                        (DERMIS_KEPT + 1, 4, size) */
     double last;     /* square of the last change */
 } past;
 
-/* Return a vector of pair number `which`: its force for `what` = 0, its image for 1, its change for 2. */
-static double *told(const past *known, int which, int what) { return known->store + (3 * (int64_t)which + what) * known->size; }
+/* Return a vector of pair number `which`: its force for `what` = 0, its image for 1, its change for 2, `later` for 3. */
+static double *told(const past *known, int which, int what) { return known->store + (4 * (int64_t)which + what) * known->size; }
 
 /* Find the weights for which now - sum_a weight_a (now - change_a) is smallest: least squares by Cholesky
    factorisation.
@@ -63,18 +63,19 @@ static void weigh(const past *known, const double *now, double *right) {
 
 /* Combine the last pairs of sweeps such that their changes cancel best.
 
-   force, image: after the last pair, replaced by the combination (size). before: forces before it (size). */
-static void accelerate(double *force, double *image, past *known, const double *before) {
+   force, image, later: after the last pair, replaced by the combination (size); see `felt` in rows.h. before: forces before
+   it (size). */
+static void accelerate(double *force, double *image, double *later, past *known, const double *before) {
     int64_t size = known->size;
     double square = 0.0;
     int m = known->kept;
-    double *now[3] = {told(known, m, 0), told(known, m, 1), told(known, m, 2)};
+    double *now[4] = {told(known, m, 0), told(known, m, 1), told(known, m, 2), told(known, m, 3)};
     for (int64_t k = 0; k < size; k++) {
-        now[0][k] = force[k], now[1][k] = image[k], now[2][k] = force[k] - before[k];
+        now[0][k] = force[k], now[1][k] = image[k], now[2][k] = force[k] - before[k], now[3][k] = later[k];
         square += now[2][k] * now[2][k];
     }
     if (m > 0 && square > ASTRAY * known->last) { /* keep only the last pair as history */
-        for (int what = 0; what < 3; what++)
+        for (int what = 0; what < 4; what++)
             for (int64_t k = 0; k < size; k++) told(known, 0, what)[k] = now[what][k];
         known->kept = 1, known->last = square;
         return;
@@ -83,10 +84,11 @@ static void accelerate(double *force, double *image, past *known, const double *
     double right[DERMIS_KEPT];
     weigh(known, now[2], right);
     for (int a = 0; a < m; a++) {
-        const double *fa = told(known, a, 0), *ua = told(known, a, 1);
+        const double *fa = told(known, a, 0), *ua = told(known, a, 1), *la = told(known, a, 3);
         for (int64_t k = 0; k < size; k++) {
             force[k] -= right[a] * (now[0][k] - fa[k]);
             image[k] -= right[a] * (now[1][k] - ua[k]);
+            later[k] -= right[a] * (now[3][k] - la[k]);
         }
     }
     if (m < DERMIS_KEPT) {
@@ -94,7 +96,7 @@ static void accelerate(double *force, double *image, past *known, const double *
         return;
     }
     for (int a = 0; a < m; a++)
-        for (int what = 0; what < 3; what++)
+        for (int what = 0; what < 4; what++)
             for (int64_t k = 0; k < size; k++) told(known, a, what)[k] = told(known, a + 1, what)[k];
 }
 

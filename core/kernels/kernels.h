@@ -33,8 +33,9 @@ enum {
 /* Largest number of earlier pairs of sweeps from which `dermis_sweep` extrapolates. */
 enum { DERMIS_KEPT = 3 };
 
-/* Numbers of a point in the blocks of a `dermis_touch`: what a look finds, and the workspace without the compliance. */
-enum { DERMIS_FOUND = 12, DERMIS_TOUCH_ROOM = 104 };
+/* Numbers of a point in the blocks of a `dermis_touch`: what a look finds, and the workspace without the compliance.
+   SWEEP_ROOM: numbers of a node in the workspace of a `dermis_contact`. */
+enum { DERMIS_FOUND = 12, DERMIS_TOUCH_ROOM = 122, DERMIS_SWEEP_ROOM = 57 };
 
 /* ROW: doubles per triangle in a tree. LANES: boxes, or elements of tissue, that are processed at once.
    BOXES: floats for a group of LANES boxes. */
@@ -154,7 +155,7 @@ typedef struct {
     double *image;           /* out: C f (count, 3) [m] */
     double *moved;           /* out: relative displacements w (count, 3) [m] */
     int8_t *status;          /* out: 0 open, DERMIS_STICK or DERMIS_SLIP (count) */
-    double *room;            /* workspace (9 DERMIS_KEPT + 12, count) */
+    double *room;            /* workspace (DERMIS_SWEEP_ROOM, count) */
     double residual;         /* out: |f - p| / max(|f|, |p|); infinite if there is no finite result. p is f - w / own,
                                 without tension and with the tangential force shortened to the friction limit. own is
                                 the mean of a node's three diagonal compliances, softness included */

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from . import building
 
 HEADER = building.declared()
-ROW, LANES, BOXES, POSE, KEPT = (HEADER.constants[name] for name in ("ROW", "LANES", "BOXES", "POSE", "KEPT"))
-FOUND, TOUCH_ROOM = (HEADER.constants[name] for name in ("FOUND", "TOUCH_ROOM"))
+ROW, LANES, BOXES, POSE = (HEADER.constants[name] for name in ("ROW", "LANES", "BOXES", "POSE"))
+FOUND, TOUCH_ROOM, SWEEP_ROOM = (HEADER.constants[name] for name in ("FOUND", "TOUCH_ROOM", "SWEEP_ROOM"))
 DONE, BAD_RECORD, NOT_FINITE, ASKS = (HEADER.constants[name] for name in ("DONE", "BAD_RECORD", "NOT_FINITE", "ASKS"))
 RECORDS: dict[str, type[ctypes.Structure]] = {}  # by their names in C without the prefix 'dermis_'
 _data: Any = (ctypes.c_char * 0).from_buffer  # a fifth of the time of NumPy's `__array_interface__`

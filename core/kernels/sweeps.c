@@ -14,33 +14,9 @@
    this factor. */
 #define STILLER 0.25
 
-/* A compliance in single or double precision; the other pointer is null. */
-typedef struct {
-    const float *narrow;
-    const double *wide;
-    int64_t stride; /* numbers from the start of one row to the start of the next */
-    int64_t avx2;   /* 1: use AVX2 */
-} rows_of;
-
 static inline double entry(const rows_of *c, int64_t row, int64_t column) {
     int64_t at = row * c->stride + column;
     return c->narrow != NULL ? (double)c->narrow[at] : c->wide[at];
-}
-
-/* Add the displacement of all nodes for a force on one node to the image.
-
-   AVX2 is used for floats only: with doubles, memory limits the speed. */
-static void move_all(const rows_of *c, int64_t count, int64_t node, const double *force, double *image) {
-    int64_t first = 3 * node * c->stride;
-    double x = force[0], y = force[1], z = force[2];
-    if (c->narrow != NULL && c->avx2) {
-        add_rows_avx2(3 * count, c->narrow + first, c->stride, force, image);
-    } else if (c->narrow != NULL) {
-        add_rows(3 * count, c->narrow + first, c->stride, force, image);
-    } else {
-        const double *a = c->wide + first, *b = a + c->stride, *d = b + c->stride;
-        for (int64_t k = 0; k < 3 * count; k++) image[k] += (x * a[k] + y * b[k]) + z * d[k];
-    }
 }
 
 /* Compute the image C f from the forces. */
@@ -49,7 +25,7 @@ static void move_anew(const dermis_contact *contact, const rows_of *c) {
     for (int64_t k = 0; k < 3 * count; k++) contact->image[k] = 0.0;
     for (int64_t i = 0; i < count; i++) {
         const double *force = contact->force + 3 * i;
-        if (force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0) move_all(c, count, i, force, contact->image);
+        if (any(force)) move(c, 0, count, i, force, contact->image);
     }
 }
 
@@ -66,11 +42,12 @@ static double own_of(const rows_of *c, int64_t node, double softness) {
 /* Improve the force on one node while all other forces are fixed; return the squared change of the force.
 
    This is one step of the fixed-point iteration. With an exact solution for each single node, more sweeps are needed,
-   and with much friction the forces jump back and forth without end. */
-static double visit(const dermis_contact *contact, const rows_of *c, int64_t i) {
-    double *force = contact->force + 3 * i, free[3], found[3] = {0.0, 0.0, 0.0}, change[3];
+   and with much friction the forces jump back and forth without end. change: out (3). */
+static double improve(const dermis_contact *contact, const rows_of *c, int64_t i, double *change) {
+    double *force = contact->force + 3 * i, free[3], found[3] = {0.0, 0.0, 0.0};
     const double *normal = contact->normals + 3 * i, *image = contact->image + 3 * i, *offset = contact->offset + 3 * i;
-    int loaded = force[0] != 0.0 || force[1] != 0.0 || force[2] != 0.0;
+    int loaded = any(force);
+    for (int k = 0; k < 3; k++) change[k] = 0.0;
     if (near(normal)) {
         for (int k = 0; k < 3; k++) free[k] = image[k] + offset[k];
         if (!loaded && dermis_dot(free, normal) >= 0.0) return 0.0;
@@ -81,8 +58,13 @@ static double visit(const dermis_contact *contact, const rows_of *c, int64_t i) 
         return 0.0;
     }
     for (int k = 0; k < 3; k++) change[k] = found[k] - force[k], force[k] = found[k];
-    double square = dermis_dot(change, change);
-    if (square > 0.0) move_all(c, contact->count, i, change, contact->image);
+    return dermis_dot(change, change);
+}
+
+/* Improve the force on one node, and let others feel it; return the squared change. back: 1 in the second sweep of a pair. */
+static double visit(const dermis_contact *contact, const rows_of *c, int64_t i, int back, const felt *lag) {
+    double change[3], square = improve(contact, c, i, change);
+    pass_on(c, contact->count, i, change, back, lag, contact->image);
     return square;
 }
 
@@ -123,13 +105,17 @@ static int known(dermis_contact *contact) {
     return 1;
 }
 
+_Static_assert(12 * DERMIS_KEPT + 21 == DERMIS_SWEEP_ROOM, "the workspace");
+
 /* Sweep all nodes of a contact until the residual is within the tolerance. */
 static void sweep_all(dermis_contact *contact, const rows_of *c) {
     int64_t count = contact->count;
-    double *work = contact->room, still = contact->tolerance, *before = work + 3 * (DERMIS_KEPT + 1) * 3 * count;
+    double *work = contact->room, still = contact->tolerance, *before = work + 4 * (DERMIS_KEPT + 1) * 3 * count;
+    felt lag = {before + 3 * count, before + 6 * count};
     past last = {3 * count, 0, work, 0.0};
     double nearest = __builtin_inf();
     int waited = 0, alone = 0;
+    for (int64_t k = 0; k < 3 * count; k++) lag.later[k] = lag.earlier[k] = 0.0;
     move_anew(contact, c);
     contact->sweeps = 0;
     contact->residual = residual_of(contact, c);
@@ -137,8 +123,8 @@ static void sweep_all(dermis_contact *contact, const rows_of *c) {
     while (contact->residual > (contact->sweeps ? contact->tolerance : 0.0) && contact->sweeps < contact->most) {
         double change = 0.0, size = 0.0;
         for (int64_t k = 0; k < 3 * count; k++) before[k] = contact->force[k];
-        for (int64_t k = 0; k < count; k++) visit(contact, c, k);
-        for (int64_t k = 0; k < count; k++) change += visit(contact, c, count - 1 - k);
+        for (int64_t k = 0; k < count; k++) visit(contact, c, k, 0, &lag);
+        for (int64_t k = 0; k < count; k++) change += visit(contact, c, count - 1 - k, 1, &lag);
         for (int64_t k = 0; k < 3 * count; k++) size += contact->force[k] * contact->force[k];
         contact->sweeps += 2;
         if (!dermis_finite(size)) { /* forces grow without limit if the compliance is not positive definite */
@@ -153,10 +139,11 @@ static void sweep_all(dermis_contact *contact, const rows_of *c) {
             if (alone > 0)
                 alone--, last.kept = 0;
             else
-                accelerate(contact->force, contact->image, &last, before);
+                accelerate(contact->force, contact->image, lag.later, &last, before);
             continue;
         }
         move_anew(contact, c);
+        for (int64_t k = 0; k < 3 * count; k++) lag.later[k] = 0.0;
         contact->residual = residual_of(contact, c);
         still *= STILLER;
     }

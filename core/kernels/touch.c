@@ -54,7 +54,7 @@ typedef struct {
 
 /* Parts of the workspace, in numbers a point: `view` of each point, the history of sweeps, `drag`, a displacement of 0, `body`,
    `slots`, active points, and the compliance between these. */
-enum { VIEWS = 38, PAST = 3 * (3 * DERMIS_KEPT + 7), DRAG = VIEWS + PAST, NONE = DRAG + 3, BODY = NONE + 3, SLOTS = BODY + 1, ACTIVE = SLOTS + LOOKS, GATHERED = ACTIVE + 1 };
+enum { VIEWS = 38, PAST = 3 * (4 * DERMIS_KEPT + 10), DRAG = VIEWS + PAST, NONE = DRAG + 3, BODY = NONE + 3, SLOTS = BODY + 1, ACTIVE = SLOTS + LOOKS, GATHERED = ACTIVE + 1 };
 _Static_assert(sizeof(view) == 8 * VIEWS && (int)GATHERED == (int)DERMIS_TOUCH_ROOM, "the workspace");
 
 /* The points that sweeps visit: those with a force, and those that are near a body. */
@@ -62,6 +62,7 @@ typedef struct {
     int64_t count;     /* of these points */
     int64_t *points;   /* their indices, in ascending order (n) */
     float *compliance; /* between them (3 count, 3 count) */
+    felt lag;          /* of the sweeps over them */
     double *image;     /* their displacement by all forces (n, 3) */
     double *known;     /* forces that `t->image` contains (n, 3) */
 } active;
@@ -221,16 +222,10 @@ static void turn(const dermis_touch *t, view *v, int64_t i) {
     v->gap = (gap + 0.5 * bend) / length;
 }
 
-/* Add the displacement of `count` points by a force on point i of them to an image. */
-static void move(const dermis_touch *t, int64_t count, const float *compliance, int64_t stride, int64_t i, const double *f, double *image) {
-    const float *rows = compliance + 3 * i * stride;
-    if (t->avx2)
-        add_rows_avx2(3 * count, rows, stride, f, image);
-    else
-        add_rows(3 * count, rows, stride, f, image);
-}
+static int loaded(const dermis_touch *t, int64_t i) { return any(t->force + 3 * i); }
 
-static int loaded(const dermis_touch *t, int64_t i) { return t->force[3 * i] != 0.0 || t->force[3 * i + 1] != 0.0 || t->force[3 * i + 2] != 0.0; }
+static rows_of all_rows(const dermis_touch *t) { return (rows_of){t->compliance, NULL, t->stride, t->avx2}; }
+static rows_of near_rows(const dermis_touch *t, const active *near) { return (rows_of){near->compliance, NULL, 3 * near->count, t->avx2}; }
 
 static double soft_of(const dermis_touch *t, int64_t i) { return t->body[i] < 0 ? 0.0 : t->posed[t->body[i]].softness / t->areas[i]; }
 static double rub_of(const dermis_touch *t, int64_t i) { return t->body[i] < 0 ? 0.0 : t->posed[t->body[i]].friction; }
@@ -292,14 +287,13 @@ static void follow(dermis_touch *t, view *v, int64_t i, double trust, int calm) 
     if (calm && t->body[i] >= 0) turn_in_part(t, v, i, before);
 }
 
-/* Improve the force on number j of the active points while all others are fixed; return the squared change.
+/* Improve the force on a point while all others are fixed; return the squared change.
 
-   swept: sweeps of this round so far. */
-static double visit(dermis_touch *t, view *views, active *near, int64_t j, double trust, int swept) {
-    int64_t i = near->points[j];
-    view *v = views + i;
-    double *force = t->force + 3 * i, found[3] = {0.0, 0.0, 0.0}, change[3], w[3];
+   swept: sweeps of this round so far. change: out (3). */
+static double improve(dermis_touch *t, view *v, int64_t i, double trust, int swept, double *change) {
+    double *force = t->force + 3 * i, found[3] = {0.0, 0.0, 0.0}, w[3];
     int pressed = loaded(t, i);
+    for (int k = 0; k < 3; k++) change[k] = 0.0;
     if (!pressed && (t->body[i] < 0 || gap_of(t, v, i) > clear_of(t))) return 0.0;
     if (v->rough && t->body[i] >= 0) look(t, v, i, 1);
     if (t->body[i] >= 0 && trust > 0.0) follow(t, v, i, trust, swept > LONG);
@@ -333,8 +327,17 @@ static double visit(dermis_touch *t, view *views, active *near, int64_t j, doubl
         }
     }
     for (int k = 0; k < 3; k++) change[k] = found[k] - force[k], force[k] = found[k];
-    double square = dermis_dot(change, change);
-    if (square > 0.0) move(t, near->count, near->compliance, 3 * near->count, j, change, near->image);
+    return dermis_dot(change, change);
+}
+
+/* Improve the force on number j of the active points, and let others feel it; return the squared change.
+
+   back: 1 in the second sweep of a pair. */
+static double visit(dermis_touch *t, view *views, active *near, int64_t j, double trust, int swept, int back) {
+    int64_t i = near->points[j];
+    double change[3], square = improve(t, views + i, i, trust, swept, change);
+    rows_of c = near_rows(t, near);
+    pass_on(&c, near->count, j, change, back, &near->lag, near->image);
     return square;
 }
 
@@ -389,11 +392,12 @@ static int finite(const double *values, int64_t count) {
 
 /* Bring the displacement of all points up to date with the forces. */
 static void bring(dermis_touch *t, active *near) {
+    rows_of c = all_rows(t);
     for (int64_t j = 0; j < near->count; j++) {
         int64_t i = near->points[j];
         double change[3], *known = near->known + 3 * i;
         for (int k = 0; k < 3; k++) change[k] = t->force[3 * i + k] - known[k], known[k] = t->force[3 * i + k];
-        if (dermis_dot(change, change) > 0.0) move(t, t->count, t->compliance, t->stride, i, change, t->image);
+        if (dermis_dot(change, change) > 0.0) move(&c, 0, t->count, i, change, t->image);
     }
     for (int64_t j = 0; j < near->count; j++)
         for (int k = 0; k < 3; k++) t->image[3 * near->points[j] + k] = near->image[3 * j + k];
@@ -435,6 +439,8 @@ static int turning(const view *views, const active *near) {
 
 /* Assess the active points. Where they have converged, and others have come near, choose them anew, and return 1. */
 static int chosen(dermis_touch *t, view *views, active *near, double goal) {
+    rows_of c = near_rows(t, near);
+    pass_rest(&c, near->count, &near->lag, near->image);
     assess(t, views, near->points, near->count);
     if (t->residual > goal) return 0;
     bring(t, near);
@@ -452,16 +458,17 @@ static void forces_of(const dermis_touch *t, const active *near, double *out) {
 
 static void solve(dermis_touch *t, view *views) {
     int64_t n = t->count;
-    double *past_sweeps = t->room + VIEWS * n, *before = past_sweeps + 3 * (DERMIS_KEPT + 1) * 3 * n, *force = before + 3 * n;
-    active near = {0, (int64_t *)(t->room + ACTIVE * n), (float *)(t->room + GATHERED * n), force + 3 * n, force + 6 * n};
+    double *past_sweeps = t->room + VIEWS * n, *before = past_sweeps + 4 * (DERMIS_KEPT + 1) * 3 * n, *force = before + 3 * n;
+    active near = {0, (int64_t *)(t->room + ACTIVE * n), (float *)(t->room + GATHERED * n), {force + 3 * n, force + 6 * n}, force + 9 * n, force + 12 * n};
+    rows_of c = all_rows(t);
     for (int64_t i = 0; i < n; i++) {
         double clearance = t->body[i] < 0 ? 0.0 : t->clearance[i];
-        for (int k = 0; k < 3; k++) t->image[3 * i + k] = 0.0, near.known[3 * i + k] = t->force[3 * i + k];
+        for (int k = 0; k < 3; k++) t->image[3 * i + k] = 0.0, near.known[3 * i + k] = t->force[3 * i + k], near.lag.later[3 * i + k] = near.lag.earlier[3 * i + k] = 0.0;
         for (int k = 0; k < 3; k++) t->drag[3 * i + k] = t->offset[3 * i + k] - clearance * t->normal[3 * i + k];
         for (int k = 0; k < 9; k++) views[i].own[k] = (double)t->compliance[(3 * i + k / 3) * t->stride + 3 * i + k % 3];
     }
     for (int64_t i = 0; i < n; i++)
-        if (loaded(t, i)) move(t, n, t->compliance, t->stride, i, t->force + 3 * i, t->image);
+        if (loaded(t, i)) move(&c, 0, n, i, t->force + 3 * i, t->image);
     for (int64_t i = 0; i < n; i++) views[i].image = t->image + 3 * i;
     for (int round = 0; round < 4 && t->sweeps < t->most; round++) {
         double goal = round < 2 ? 3e-3 : round == 2 ? 1e-3 : t->tolerance, trust = round == 0 ? 0.0 : round < 3 ? TRUST : STILL * t->tolerance;
@@ -479,8 +486,8 @@ static void solve(dermis_touch *t, view *views) {
         while (t->sweeps < t->most && t->residual > (round == 3 && in_round == 0 ? 0.0 : goal)) {
             double change = 0.0, size = 0.0;
             forces_of(t, &near, before);
-            for (int64_t j = 0; j < near.count; j++) visit(t, views, &near, j, trust, in_round);
-            for (int64_t j = near.count - 1; j >= 0; j--) change += visit(t, views, &near, j, trust, in_round);
+            for (int64_t j = 0; j < near.count; j++) visit(t, views, &near, j, trust, in_round, 0);
+            for (int64_t j = near.count - 1; j >= 0; j--) change += visit(t, views, &near, j, trust, in_round, 1);
             t->sweeps += 2, in_round += 2;
             forces_of(t, &near, force);
             for (int64_t k = 0; k < 3 * near.count; k++) size += force[k] * force[k];
@@ -493,7 +500,7 @@ static void solve(dermis_touch *t, view *views) {
                     alone--, last.kept = 0;
                     continue;
                 }
-                accelerate(force, near.image, &last, before);
+                accelerate(force, near.image, near.lag.later, &last, before);
                 for (int64_t j = 0; j < near.count; j++)
                     for (int k = 0; k < 3; k++) t->force[3 * near.points[j] + k] = force[3 * j + k];
                 continue;
@@ -501,6 +508,8 @@ static void solve(dermis_touch *t, view *views) {
             if (chosen(t, views, &near, goal)) last = (past){3 * near.count, 0, past_sweeps, 0.0};
             still *= 0.25;
         }
+        rows_of own = near_rows(t, &near);
+        pass_rest(&own, near.count, &near.lag, near.image);
         bring(t, &near);
     }
     assess(t, views, NULL, n);

@@ -36,7 +36,7 @@ class Contact(Case):
         step = self.compliance.itemsize
         self.image, self.moved = np.full((2, n, 3), np.nan)
         numbers = {"count": n, "single": step == 4, "stride": self.compliance.strides[0] // step}
-        room = np.full((9 * records.KEPT + 12) * n, np.nan)
+        room = np.full(records.SWEEP_ROOM * n, np.nan)
         status = np.full(n, -7, dtype=np.int8)
         record = filled(records.ContactRecord, self, **numbers, room=room, status=status)
         yield self._call(own.dermis_sweep, record, **changed)

@@ -93,7 +93,7 @@ def sweep(
         address(moved),
         address(status),
     )
-    room = np.empty((9 * records.KEPT + 12) * n)
+    room = np.empty(records.SWEEP_ROOM * n)
     record.room = address(room)
     if kernels().sweep(byref(record)) == records.NOT_FINITE:
         raise DermisError("a number in the contact problem is not finite", where=f"node {record.wrong}")

@@ -74,7 +74,7 @@ static void pass_on(const rows_of *c, int64_t count, int64_t i, const double *ch
 }
 
 /* Let all points feel all forces after a pair of sweeps. */
-static void pass_rest(const rows_of *c, int64_t count, const felt *lag, double *image) {
+static inline void pass_rest(const rows_of *c, int64_t count, const felt *lag, double *image) {
     for (int64_t i = 0; i < count; i++) {
         const double none[3] = {0.0, 0.0, 0.0};
         pass_on(c, count, i, none, 0, lag, image);

@@ -16,6 +16,7 @@ from core.kernels import records
 from core.skin.tiles import Tiles
 from core.surface import shapes
 from core.surface.gap import DIRECTIONS, Surface
+from core.surface.roundness import roundness
 from core.surface.topology import Topology
 from core.surface.triangles import TriangleTable
 
@@ -93,6 +94,23 @@ def edge() -> tuple[Array, Indices]:
     return surface.vertices, surface.triangles
 
 
+def bumps(seed: int) -> tuple[Array, Indices]:
+    """Return two sheets of bumps beside each other, with hollows and a triangle without area in each."""
+    rng = np.random.default_rng([seed, 1])
+    flat = np.stack(np.meshgrid(np.linspace(0.2e-3, 4e-3, 6), np.linspace(-4e-3, 4e-3, 9), indexing="ij"), axis=-1)
+    place = np.arange(54).reshape(6, 9)
+    a, b, c, d = (part.ravel() for part in (place[:-1, :-1], place[1:, :-1], place[1:, 1:], place[:-1, 1:]))
+    whole = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
+    first, second, third = whole[20]
+    whole[20] = first, second, 54  # cut at the middle of the edge from its third to its first corner
+    added = [[54, second, third], [third, first, 54]]
+    sheets, triangles = [], np.concatenate([whole, added])
+    for way in (1.0, -1.0):
+        sheet = np.column_stack([way * flat.reshape(-1, 2), rng.normal(0.0, 0.05e-3, 54)])
+        sheets.append(np.concatenate([sheet, 0.5 * (sheet[[first]] + sheet[[third]])]))
+    return np.concatenate(sheets), np.concatenate([triangles, triangles + 55])
+
+
 def drawn(seed: int) -> Arrays:
     """Return triangles and points of all sizes, with slivers, triangles without area and points on triangles."""
     rng = np.random.default_rng(seed)
@@ -161,7 +179,7 @@ class Survey(Case):
 
 
 def drawn_survey(seed: int) -> Survey:
-    """Return a pad of 12 by 12 cells of 0.8 mm, and an edge, alone or with a plane: far off, near and in the skin."""
+    """Return a pad of 12 by 12 cells of 0.8 mm, and an edge or bumps, alone or with a plane, far or near."""
     rng, across, side = np.random.default_rng(seed), 12, 0.8e-3
     tiles = Tiles(np.cumsum([0, *(across**2 * 4**k for k in range(4))]).tolist())
     size = side / 2.0**tiles.halved
@@ -180,7 +198,7 @@ def drawn_survey(seed: int) -> Survey:
         0.4 * size.max(axis=1) + 0.1e-3,
         size.max(axis=1),
         tiles,
-        Arrays(*edge(), np.zeros((1, 3))),
+        Arrays(*(bumps(seed) if seed % 4 == 1 else edge()), np.zeros((1, 3))),
         poses,
         int(rng.integers(1, 4)),
         float(rng.choice([1.0 / 3.0, 1.0])),
@@ -249,7 +267,7 @@ class Touch(Case):
 
 
 def drawn_touch(seed: int) -> Touch:
-    """Return points of a bowl, on cells of all sizes, and an edge, a plane or both: away, touching or deep."""
+    """Return points of a bowl, on cells of all sizes, and an edge or bumps, a plane or both: away, touching or deep."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 30))
     flat = rng.uniform(-3e-3, 3e-3, (n, 2))
@@ -271,7 +289,7 @@ def drawn_touch(seed: int) -> Touch:
         1e-4 * rng.normal(size=(n, 3)) * (seed % 4 == 0),
         0.1 * rng.normal(size=(n, 3)) * (rng.random((n, 1)) < 0.5),
         compliance,
-        Arrays(*edge(), np.zeros((1, 3))),
+        Arrays(*(bumps(seed) if seed % 3 == 1 else edge()), np.zeros((1, 3))),
         np.column_stack([rng.uniform(-1e-3, 1e-3, (2, 2)), rng.uniform(-1e-3, 1.5e-3, 2)]),
         float(rng.choice([1.0 / 3.0, 0.6, 1.0])),
         float(rng.choice([0.0, 0.5e-3])),
@@ -282,11 +300,17 @@ def drawn_touch(seed: int) -> Touch:
 def posed_pair(
     own: Any, solid: Arrays, poses: Array, sharpness: float, rounding: float, friction: float = 0.0
 ) -> ctypes.Array[records.PosedRecord]:
-    """Return the records of a body and of a rough and soft plane or disc below it."""
+    """Return the records of a body and of a rough and soft plane or disc below it.
+
+    The last part of a body with several needs the share `sharpness` of the largest lift, others less.
+    """
     assert not any(solid.call(own))
     body, _ = solid.fitted(own)
     turn = {"rotation": np.eye(3), "side": 1.0, "tie": TIE, "turn": TURN}
-    edge = filled(records.PosedRecord, body=body, translation=poses[0], sharpness=sharpness, friction=friction, **turn)
+    part, own_part = roundness(solid.table, solid.topology).part, {"sharpness": sharpness, "friction": friction}
+    if part.max() > 0:
+        own_part |= {"shares": np.linspace(1.0 / 3.0, sharpness, int(part.max()) + 1), "part": part}
+    edge = filled(records.PosedRecord, body=body, translation=poses[0], **own_part, **turn)
     soft = {"sharpness": 1.0 / 3.0, "friction": 0.7, "softness": 1e-9, "radius": 2e-3, "rounding": rounding}
     plane = filled(records.PosedRecord, plane=[0.0, 0.0, 1.0, -2e-3], translation=poses[1], index=1, **soft, **turn)
     pair = (records.PosedRecord * 2)(edge, plane)

@@ -430,13 +430,6 @@ static int comes(const dermis_touch *t, const view *views) {
     return 0;
 }
 
-/* Whether the normal of an active point turns. */
-static int turning(const view *views, const active *near) {
-    for (int64_t j = 0; j < near->count; j++)
-        if (!views[near->points[j]].flat) return 1;
-    return 0;
-}
-
 /* Assess the active points. Where they have converged, and others have come near, choose them anew, and return 1. */
 static int chosen(dermis_touch *t, view *views, active *near, double goal) {
     rows_of c = near_rows(t, near);
@@ -492,7 +485,6 @@ static void solve(dermis_touch *t, view *views) {
             forces_of(t, &near, force);
             for (int64_t k = 0; k < 3 * near.count; k++) size += force[k] * force[k];
             if (change > still * still * size) {
-                if (trust == TRUST && turning(views, &near)) continue; /* no acceleration */
                 waited = change < nearest ? 0 : waited + 1;
                 nearest = dermis_least(nearest, change);
                 if (waited > PATIENCE) alone = ALONE, waited = 0;

@@ -218,8 +218,9 @@ def test_what_slips_into_the_skin_is_a_finding(pad):
     """A frictionless ball of 1 mm parts linear skin; one of 5 mm does not, nor what is drawn aside."""
     steps, small = stepper(pad), Surface.sphere(1e-3, 2000)
     forces = [total(steps.step([at(small, 0.0, 0.05e-3 * k, 0.0)], scene_frame=float(k)))[2] for k in range(34)]
-    told, past, gone = steps.solver.findings
-    assert (told.code, past.code, gone.code) == ("slips-in", "slides-past", "passed-through")
+    told, *past, gone = steps.solver.findings  # in the last frame the skin may hold, or slide past and be pressed anew
+    assert (told.code, gone.code) == ("slips-in", "passed-through")
+    assert [finding.code for finding in past] in ([], ["slides-past"])
     worst = int(np.argmax(np.maximum.accumulate(forces) - forces > 0.02 * np.maximum.accumulate(forces)))
     assert gone.frame > told.frame == worst > 10
     for surface in (BALL, EDGE):

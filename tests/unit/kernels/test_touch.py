@@ -101,6 +101,21 @@ def test_shortcuts_do_not_matter(seed: int) -> None:
     np.testing.assert_allclose(found[0], found[1], rtol=0.0, atol=1e-3 * float(np.abs(found[1]).max()))
 
 
+def test_the_displacement_is_that_of_all_forces() -> None:
+    """Sweeps pass a change of force on to a part of the points at a time; in the end each has felt each."""
+    own, loaded = opened(library.kernels().path), 0
+    for seed in range(40):
+        for most in (2, 60):
+            touch = drawn_touch(seed)
+            assert touch.call(own, most=most) == [records.DONE] * 2
+            force, compliance = touch.found["force"], touch.compliance[:, : 3 * len(touch.points)].astype(np.float64)
+            loaded += (force != 0.0).any(axis=1).sum() > 1
+            size = np.abs(compliance) @ np.maximum(np.abs(force), np.abs(touch.force)).ravel()
+            image = touch.found["image"].ravel()
+            np.testing.assert_allclose(image - compliance @ force.ravel(), 0.0, atol=1e-12 * size.max())
+    assert loaded > 20
+
+
 def test_a_point_whose_body_is_gone_carries_no_force() -> None:
     touch = replace(drawn_touch(4), bodies=1, rounding=0.0, plane=True)
     touch.poses[1, 2] = -1.0

@@ -438,18 +438,21 @@ class PathSolver:
         """Return forces on the points [N] as forces on the nodes of the skin's mesh; here the points are the nodes."""
         return force
 
+    def tell_unconverged(self, solution: Solution, where: float) -> None:
+        """Count a frame that is doubtful because a solution did not converge; `where` is its scene frame."""
+        self.counters["unconverged"] += 1
+        self.notes.warn(
+            "not-converged",
+            "contact did not converge",
+            where,
+            value=solution.residual,
+            limit=f"<= {solution.tolerance:g}",
+            remedy="Use smaller steps, or less friction",
+        )
+
     def _report(self, step: PathStep, where: float) -> None:
-        solution = step.solution
-        if not solution.converged:
-            self.counters["unconverged"] += 1
-            self.notes.warn(
-                "not-converged",
-                "contact did not converge",
-                where,
-                value=solution.residual,
-                limit=f"<= {solution.tolerance:g}",
-                remedy="Use smaller steps, or less friction",
-            )
+        if not step.solution.converged:
+            self.tell_unconverged(step.solution, where)
         if self.law is not None and self.law.fold is not Fold.NONE:
             self.notes.warn(
                 "several-states",

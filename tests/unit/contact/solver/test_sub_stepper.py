@@ -190,6 +190,26 @@ def test_small_steps_are_not_divided(skin):
     assert steps.solver.counters["parts"] == 2
 
 
+class HardParts(PathSolver):
+    """A solver whose parts of a frame do not converge."""
+
+    def step(self, bodies, *, scene_frame=None, gaps=None, part=False):
+        step = super().step(bodies, scene_frame=scene_frame, gaps=gaps, part=part)
+        return replace(step, solution=replace(step.solution, residual=0.05)) if part else step
+
+
+@pytest.mark.parametrize(("friction", "frames"), [(FRICTION, 3), (0.0, 0)])
+def test_a_part_that_did_not_converge_is_told_once_a_frame_where_friction_remembers_it(skin, friction, frames):
+    solver = HardParts(skin.compliance, skin.positions, skin.normals, areas=skin.areas, name="finger")
+    steps = SubStepper(solver, BONE)
+    for depth in (0.1e-3, 0.6e-3, 1.1e-3):
+        steps.step([replace(below(skin, card(0.02), depth), friction=friction)], scene_frame=depth)
+    assert solver.counters["parts"] > 4
+    told = [f for f in solver.findings if f.code == "not-converged"]
+    assert [f.count for f in told] == ([frames] if frames else []) and solver.counters["unconverged"] == frames
+    assert all(f.value == 0.05 for f in told)
+
+
 def test_deeper_than_skin_is_trusted_a_frame_has_few_parts(skin):
     ways = {}
     for name, depths in {"few": [1.9e-3, 3.1e-3], "many": [1.9e-3, *np.arange(1.95e-3, 3.1001e-3, 0.05e-3)]}.items():

@@ -63,7 +63,7 @@ static void weigh(const past *known, const double *now, double *right) {
 
 /* Combine the last pairs of sweeps such that their changes cancel best.
 
-   force, image, later: after the last pair, replaced by the combination (size); see `felt` in rows.h. before: forces before
+   force, image, later: after the last pair, replaced by the combination (size); see felt.h. before: forces before
    it (size). */
 static void accelerate(double *force, double *image, double *later, past *known, const double *before) {
     int64_t size = known->size;

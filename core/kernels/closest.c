@@ -22,11 +22,12 @@
 #define TIES 32
 /* A weight up to this counts as zero: the closest point is then on an edge or a corner. */
 #define ON_FEATURE 1e-9
-/* Largest numbers of steps of a walk: CROSSED triangles that only a point's projection leaves, then STEPS that measure the
-   distance. As many take nearly as long as the tree. FARTHEST_WALK: largest distance of a point for which a walk decides
-   [m]. ON_PLANE: depth of a point below a plane, by rounding, at which it counts as on it [m]. MARGIN: the walk decides for
-   such a point only this far from the triangle's edges [m]: faces meet at more than 1e-5 rad, so others are farther. */
-#define CROSSED 16
+/* Largest numbers of steps of a walk: CROSSED triangles that only a point's projection leaves, enough from one side of a
+   rounded edge to the other, then STEPS that measure the distance. As many take nearly as long as the tree. FARTHEST_WALK:
+   largest distance of a point for which a walk decides [m]. ON_PLANE: depth of a point below a plane, by rounding, at which it
+   counts as on it [m]. MARGIN: the walk decides for such a point only this far from the triangle's edges [m]: faces meet at
+   more than 1e-5 rad, so others are farther. */
+#define CROSSED 64
 #define STEPS 8
 #define ON_PLANE 1e-12
 #define MARGIN 1e-6
@@ -353,9 +354,11 @@ static int64_t crossed(const dermis_tree *tree, const int64_t *beside, const dou
         const double *row = tree->packed + slot * DERMIS_ROW;
         double v[3] = {x[0] - row[0], x[1] - row[1], x[2] - row[2]}, u, w;
         dermis_solved(row, dermis_dot(v, row + AB), dermis_dot(v, row + AC), &u, &w);
-        double a = 1.0 - u - w, least = dermis_least(a, dermis_least(u, w));
+        double a = 1.0 - u - w, least = u <= w ? u : w;
+        int edge = u <= w ? 2 : 0;
+        edge = a <= least ? 1 : edge, least = a <= least ? a : least;
         if (!(least < 0.0)) return slot;
-        int64_t next = beside[3 * slot + (least == a ? 1 : least == u ? 2 : 0)];
+        int64_t next = beside[3 * slot + edge];
         if (next < 0 || next == before) return slot;
         before = slot, slot = next;
     }

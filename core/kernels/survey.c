@@ -115,19 +115,15 @@ static int flat(const dermis_survey *s, const centre *of, const double *at, cons
     return dermis_sees_plane(s->posed, s->bodies, at, radius, sight);
 }
 
-/* Look down at four test points, given relative to the cell's centre (4, 3) [m].
-
-   hints: what was closest to the test points of the cell before (4). */
-static void look_about(const dermis_survey *s, const centre *of, const double *corners, dermis_sight *hints, footprint *out) {
+/* Look down at four test points, given relative to the cell's centre (4, 3) [m]. */
+static void look_about(const dermis_survey *s, const centre *of, const double *corners, footprint *out) {
     for (int corner = 0; corner < 4; corner++) {
         double x[3], up;
         passage by;
         for (int k = 0; k < 3; k++) x[k] = of->x[k] + corners[3 * corner + k];
         up = start_at(s, of, x, corners + 3 * corner);
-        dermis_sight *sight = hints + corner;
-        if (sight->body < 0) *sight = of->sight;
-        *sight = descend(s, x, of->inward, up, s->limit, *sight, &out->gap[corner], &by);
-        for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = sight->normal[k];
+        dermis_sight sight = descend(s, x, of->inward, up, s->limit, of->sight, &out->gap[corner], &by);
+        for (int k = 0; k < 3; k++) out->normal[1 + corner][k] = sight.normal[k];
     }
 }
 
@@ -222,7 +218,7 @@ static int64_t sides_beside(const dermis_survey *s, int64_t cell) {
 
    The first four test points show whether the body is curved at the cell itself. The second four are farther out: they
    show edges beside the cell. */
-static int64_t way_below(const dermis_survey *s, int64_t cell, const centre *of, dermis_sight *hints) {
+static int64_t way_below(const dermis_survey *s, int64_t cell, const centre *of) {
     footprint print = {.middle = of->height, .steps = s->posed[of->sight.body].body != NULL};
     int64_t beside = sides_beside(s, cell), way = 0;
     double nearest = of->nearest, corners[24];
@@ -234,7 +230,7 @@ static int64_t way_below(const dermis_survey *s, int64_t cell, const centre *of,
         for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, of->height + dermis_dot(corners + 3 * corner, of->sight.normal));
         if (nearest >= s->limits[cell]) return 0;
     } else {
-        look_about(s, of, corners, hints, &print);
+        look_about(s, of, corners, &print);
         for (int corner = 0; corner < 4; corner++) nearest = dermis_least(nearest, print.gap[corner]);
         if (nearest >= s->limits[cell]) return 0;
         if (apart(&print) > s->turned || bent(s, &print, corners) > s->bent)
@@ -243,13 +239,13 @@ static int64_t way_below(const dermis_survey *s, int64_t cell, const centre *of,
             way = sides_of(s, cell);
     }
     if (!(beside & ~way) || !edges_near(s, of->at, corners, 8, &of->sight)) return way;
-    look_about(s, of, corners + 12, hints + 4, &print);
+    look_about(s, of, corners + 12, &print);
     if (apart(&print) > s->edge) way |= beside & leaning_of(s, cell, &print, corners + 12);
     return way;
 }
 
 /* Return the direction in which a cell is divided for an edge up to `beyond` beside the place to which it was dragged. */
-static int64_t way_dragged(const dermis_survey *s, int64_t cell, const centre *of, dermis_sight *hints) {
+static int64_t way_dragged(const dermis_survey *s, int64_t cell, const centre *of) {
     footprint print = {.middle = of->height, .steps = s->posed[of->sight.body].body != NULL};
     int64_t beside = sides_beside(s, cell);
     double corners[12], there[3], shift[3], along = dermis_dot(s->drag, of->inward);
@@ -261,7 +257,7 @@ static int64_t way_dragged(const dermis_survey *s, int64_t cell, const centre *o
     if (flat(s, of, there, corners, 4, &sight) || !edges_near(s, there, corners, 4, &sight)) return 0;
     for (int corner = 0; corner < 4; corner++)
         for (int k = 0; k < 3; k++) corners[3 * corner + k] += shift[k];
-    look_about(s, of, corners, hints, &print);
+    look_about(s, of, corners, &print);
     return apart(&print) > s->edge ? beside & leaning_of(s, cell, &print, corners) : 0;
 }
 
@@ -270,12 +266,12 @@ static double near_of(const dermis_survey *s, int64_t cell) {
     return dermis_least(s->limit, s->limits[cell] + s->beside * s->longs[cell]);
 }
 
-/* Return the direction in which a cell is divided, 0 for none. hints: what was closest to test points before (12). */
-static int64_t way_of(const dermis_survey *s, int64_t cell, const centre *of, dermis_sight *hints) {
+/* Return the direction in which a cell is divided, 0 for none. */
+static int64_t way_of(const dermis_survey *s, int64_t cell, const centre *of) {
     const int64_t *halved = s->halved + 2 * cell, *some = s->ways + (halved[0] * s->levels + halved[1]) * 4;
     if (!(some[1] || some[2] || some[3]) || !sides_of(s, cell) || of->nearest >= near_of(s, cell)) return 0;
-    int64_t way = way_below(s, cell, of, hints);
-    return some[way ? way : way_dragged(s, cell, of, hints + 8)];
+    int64_t way = way_below(s, cell, of);
+    return some[way ? way : way_dragged(s, cell, of)];
 }
 
 /* Whether the place of a body that is nearest to a line which passed it lies in the cell. */
@@ -306,7 +302,7 @@ static int passes(const dermis_survey *s, const centre *of, const passage *by) {
 /* Find the body below the centre of a cell.
 
    Where there is none, or it is too far, the body takes its place that the line passed on the way there. whole: the divided
-   cell, null for a root. hint: what was closest to the centre of the cell before. */
+   cell, null for a root. hint: a body near the cell. */
 static void look_below(const dermis_survey *s, int64_t cell, const centre *whole, dermis_sight hint, centre *out) {
     double near = near_of(s, cell);
     passage by;
@@ -322,13 +318,13 @@ static void look_below(const dermis_survey *s, int64_t cell, const centre *whole
 
 /* Add a cell or its parts to the leaves; return 0 if these become more than `many`.
 
-   whole: the cell that was divided, null for a root. hints: what was closest to the centre and to test points before (13). */
-static int visit(dermis_survey *s, int64_t many, int64_t cell, const centre *whole, dermis_sight *hints) {
+   whole: the cell that was divided, null for a root. hint: a body near the cell; out: the one below its centre, if there is one. */
+static int visit(dermis_survey *s, int64_t many, int64_t cell, const centre *whole, dermis_sight *hint) {
     centre own;
-    look_below(s, cell, whole, hints[12], &own);
-    hints[12] = own.sight;
+    look_below(s, cell, whole, *hint, &own);
     if (own.sight.body < 0) return 1;
-    int64_t way = way_of(s, cell, &own, hints);
+    *hint = own.sight;
+    int64_t way = way_of(s, cell, &own);
     if (!way) {
         if (own.nearest >= s->limits[cell]) return 1;
         if (s->found >= many) return 0;
@@ -339,18 +335,17 @@ static int visit(dermis_survey *s, int64_t many, int64_t cell, const centre *who
     for (int64_t a = 0; a <= step[0]; a++)
         for (int64_t b = 0; b <= step[1]; b++) {
             int64_t place[2] = {(s->place[2 * cell] << step[0]) + a, (s->place[2 * cell + 1] << step[1]) + b};
-            if (!visit(s, many, find(s, s->root[cell], finer, place), &own, hints)) return 0;
+            if (!visit(s, many, find(s, s->root[cell], finer, place), &own, hint)) return 0;
         }
     return 1;
 }
 
 /* Visit all roots; return 0 if more than `many` cells may touch. */
 static int walk(dermis_survey *s, int64_t many) {
-    dermis_sight hints[13];
-    for (int i = 0; i < 13; i++) hints[i] = (dermis_sight){0.0, {0.0, 0.0, 0.0}, -1, -1, -1};
+    dermis_sight hint = {0.0, {0.0, 0.0, 0.0}, -1, -1, -1};
     s->found = 0;
     for (int64_t root = 0; root < s->roots; root++)
-        if (!visit(s, many, root, NULL, hints)) return 0;
+        if (!visit(s, many, root, NULL, &hint)) return 0;
     return 1;
 }
 

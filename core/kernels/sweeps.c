@@ -5,10 +5,10 @@
    (Walker and Ni, SIAM J. Numer. Anal. 49, 2011). */
 #include "anderson.h"
 #include "cone.h"
+#include "felt.h"
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
-#include "rows.h"
 
 /* If the forces hardly change any more but the residual is still too large, the limit of their change is multiplied by
    this factor. */

@@ -7,11 +7,11 @@
    differs between the places tells how the normal turns, so that a point looks again only after it has moved. */
 #include "anderson.h"
 #include "cone.h"
+#include "felt.h"
 #include "float_environment.h"
 #include "kernels.h"
 #include "numbers.h"
 #include "posed.h"
-#include "rows.h"
 
 #define LOOKS 10
 /* SHARE: of a point's way that its normal follows in a visit; with all of it, normals turn back and forth. Where a normal
@@ -163,7 +163,9 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
         for (int k = 0; k < 3; k++) each[p][k] = 0.0;
         for (int above = 0; above < 2; above++) {
             double x[3], up = above ? high * lift : lift, weight = above ? -1.0 / (high - 1.0) : high / (high - 1.0);
-            dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, slots[2 * p + above] < 0 ? slot : slots[2 * p + above]};
+            int64_t known = slots[2 * p + above];
+            if (known < 0 && p < 4) known = slots[2 * (p & 1 ? 4 : p + 1) + above];
+            dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, known < 0 ? slot : known};
             for (int k = 0; k < 3; k++)
                 x[k] = t->points[3 * i + k] + t->where[3 * i + k] + share * (PLACES[p][0] * spread[k] + PLACES[p][1] * spread[3 + k]) + up * inward[k];
             if (fits && p == 4 && !above)
@@ -526,7 +528,7 @@ DERMIS_NOINLINE static int32_t touch(dermis_touch *t) {
         int64_t *slots = t->slots + LOOKS * i;
         for (int k = 0; k < LOOKS; k++) slots[k] = -1;
         t->body[i] = -1;
-        if (i > 0) t->body[i] = t->body[i - 1], slots[8] = slots[8 - LOOKS]; /* hints */
+        if (i > 0) t->body[i] = t->body[i - 1], slots[8] = slots[8 - LOOKS], slots[9] = slots[9 - LOOKS]; /* hints */
         look(t, views + i, i, 0);
     }
     if (t->compliance != NULL) {

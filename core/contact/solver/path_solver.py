@@ -200,6 +200,11 @@ class PathSolver:
         return None if self._step is None or self.fresh else self._step.gaps
 
     @property
+    def depth(self) -> float:
+        """The penetration in the last frame [m]; see `PathStep.sums`."""
+        return 0.0 if self._step is None else float(self._step.sums.depth)
+
+    @property
     def loaded(self) -> NDArray[np.bool_]:
         """Which nodes carried force in the last frame, shape (m,)."""
         if self._loaded[0] is not self._force:

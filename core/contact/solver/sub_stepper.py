@@ -122,7 +122,8 @@ class SubStepper:
         bodies = self._felt(bodies)
         if self.solver.unmoved(bodies):
             return self.solver.step(bodies, scene_frame=scene_frame)
-        known, gaps = self.solver.bodies, self.solver.look(bodies)
+        known, depth = self.solver.bodies, self.solver.depth
+        gaps = self.solver.look(bodies)
         start: Sequence[ContactBody] = (*known, *bodies[len(known) :])  # others came since
         begins = self.solver.fresh
         if begins:
@@ -131,7 +132,7 @@ class SubStepper:
         arrived = {} if begins else self._arrived(start, bodies, before, gaps)
         start = [arrived.get(i, body) for i, body in enumerate(start)]
         arriving = max((travel(a, bodies[i], self.solver.pad) for i, a in arrived.items()), default=0.0)
-        ways = self._ways(start, bodies, gaps, int(np.ceil(arriving / PRESSING)))
+        ways = self._ways(start, bodies, gaps, int(np.ceil(arriving / PRESSING)), depth)
         if (arrived or begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies)) and _rub(bodies):
             ways.insert(0, list(start))  # friction begins at the first touch
         came, released, doubtful = start, 0.0, None
@@ -159,9 +160,16 @@ class SubStepper:
     # -- the way -------------------------------------------------------------------------------------------------
 
     def _ways(
-        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, fewest: int
+        self, start: Sequence[ContactBody], bodies: Sequence[ContactBody], gaps: NodeGaps, fewest: int, depth: float
     ) -> list[list[ContactBody]]:
-        """Return the bodies at the end of each part of the frame but the last, of which there are so many at least."""
+        """Return the bodies at the end of each part of the frame but the last.
+
+        Args:
+            start, bodies: bodies at the begin and at the end of the frame.
+            gaps: gaps at its end.
+            fewest: least number of parts.
+            depth: penetration in the last frame [m].
+        """
         parts = max(self._parts(start, bodies, gaps), fewest, 1)
         if self.coarse and parts > COARSE_PARTS:
             parts, self.cut = COARSE_PARTS, True
@@ -175,7 +183,7 @@ class SubStepper:
                 limit=f"<= {MAX_PARTS}",
             )
             parts = MAX_PARTS if last is None else FAST_PARTS
-        if last is not None and -min(float(gaps.gap.min()), float(last.gap.min())) > self.solver.depth_limit:
+        if last is not None and self._too_deep(start, gaps, last, depth):
             parts = min(parts, DEEP_PARTS)
         if parts == 1:
             return []
@@ -217,7 +225,7 @@ class SubStepper:
         if last is None:
             far = max(self._far(a, b) for a, b in zip(start, bodies, strict=True))
             return int(np.ceil(far / PRESSING))
-        pressed = ((gaps.body >= 0) & ((gaps.clearance < 0.0) | self.solver.loaded)).nonzero()[0]
+        pressed = self._touching(gaps)
         same = pressed[(last.body == gaps.body).take(pressed)]
         if same.size == 0:
             return int(np.ceil(self._travel(start, gaps, pressed) / PRESSING))
@@ -225,6 +233,31 @@ class SubStepper:
         if along(gaps.normal.take(same, axis=0), last.normal.take(same, axis=0)).min() < STRAIGHT:
             parts = max(parts, np.ceil(self._travel(start, gaps, same) / TURNING))
         return int(parts)
+
+    def _too_deep(self, start: Sequence[ContactBody], gaps: NodeGaps, last: NodeGaps, depth: float) -> bool:
+        """Return whether a frame begins or ends deeper than the skin's model is trusted.
+
+        Drag over an edge takes points far beyond its face, but no deeper; see `PathStep.sums`.
+
+        Args:
+            start: bodies at the begin of the frame.
+            gaps, last: gaps at its end and at that of the last frame.
+            depth: penetration in the last frame [m].
+        """
+        limit = self.solver.depth_limit
+        if -min(float(gaps.gap.min()), float(last.gap.min())) <= limit:
+            return False
+        if depth > limit:
+            return True
+        for own, way in self._moved(start, gaps, self._touching(gaps)):
+            deeper = last.gap[own] - gaps.gap[own] if way is None else along(way, self.solver.inward[own])
+            if depth + float(deeper.max()) > limit:
+                return True
+        return False
+
+    def _touching(self, gaps: NodeGaps) -> Indices:
+        """Return the nodes that touch at the end of a frame, or did at its begin."""
+        return ((gaps.body >= 0) & ((gaps.clearance < 0.0) | self.solver.loaded)).nonzero()[0]
 
     def _travel(self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices) -> float:
         """Return the largest movement of the bodies' material at nodes [m]."""

@@ -224,6 +224,23 @@ def test_deeper_than_skin_is_trusted_a_frame_has_few_parts(skin):
     np.testing.assert_allclose(ways["few"][0], ways["many"][0], atol=0.02 * np.abs(force).max())
 
 
+@pytest.mark.parametrize(("angle", "friction"), [(90.0, 1.0), (90.0, 1.2), (120.0, 1.0)])
+def test_an_edge_that_drags_skin_far_in_a_sample_has_as_many_parts_as_its_way_needs(angle, friction):
+    """1.2 mm deep, the drag by 2 mm a sample takes points far beyond the face, and the force follows the way."""
+    values = {"level": "draft", "poisson": 0.48, "tissue": "linear", "young": 1e5, "contact": "points"}
+    values |= {"shape": "edge", "size": 10e-3, "angle": np.radians(angle), "facets": 5120, "slivers": 0}
+    press = Press({**values, "mesh_seed": 0, "tilt": 0.0, "roll": 0.0, "x": 0.0, "y": 0.0})
+    ends = 1e-3 * np.array([[0, 0, -0.3], [0, 0, 0.5], [0, 0, 1.2], [2.1, 0.6, 1.2], [4.0, 1.2, 1.2], [4.0, 1.2, 0.4]])
+    forces = []
+    for times in (1, 8):
+        samples = np.arange((len(ends) - 1) * times + 1) / times
+        way = np.stack([np.interp(samples, np.arange(len(ends)), column) for column in ends.T], axis=1)
+        forces.append(press.feel([press.thing(way, friction)], step=1.0 / (24.0 * times)).resultant[::times])
+    coarse, fine = forces
+    size = np.linalg.norm(fine, axis=1).max()
+    assert np.linalg.norm(coarse - fine, axis=1).max() <= tolerances.INVARIANCE["rates"] * size
+
+
 def test_between_is_rigid_and_ends_where_it_ends():
     quarter = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     a = ContactBody(card(1e-3))

@@ -3,8 +3,8 @@
 Skin that is held by friction moves as far as what holds it, and skin that slides stays where it is. Skin moves farther
 only where it springs back: it slips off an edge, or the load that held it leaves. Contact then passes from one state to
 another within a frame, however short the frame is. The frame in which it does depends on small errors of the path
-before, so on how often the path is sampled. Each part of a frame that is solved in parts is watched as a frame: in a
-long frame, skin springs back less far than what moves it.
+before, so on how often the path is sampled. With friction, each part of a frame that is solved in parts is watched as a
+frame: in a long frame, skin springs back less far than what moves it.
 """
 
 from __future__ import annotations

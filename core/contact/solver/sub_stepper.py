@@ -135,16 +135,17 @@ class SubStepper:
         ways = self._ways(start, bodies, gaps, int(np.ceil(arriving / PRESSING)), depth)
         if (arrived or begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies)) and _rub(bodies):
             ways.insert(0, list(start))  # friction begins at the first touch
-        came, released, doubtful = start, 0.0, None
+        came, released, doubtful, rubs = start, 0.0, None, _rub(bodies)
         for way in ways:
             part = self.solver.step(way, part=True)
-            came, released = way, max(released, self._release.released(came, part))
-            doubtful = doubtful if part.solution.converged else part.solution
+            if rubs:  # without friction, parts leave no trace
+                came, released = way, max(released, self._release.released(came, part))
+                doubtful = doubtful if part.solution.converged else part.solution
         step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
         step = self._through(step, bodies)
         step = self._slid_past(step, bodies)
         lost, released = self._press.lost(start, step), max(released, self._release.released(came, step))
-        if doubtful is not None and step.solution.converged and _rub(bodies):  # without friction, parts leave no trace
+        if doubtful is not None and step.solution.converged:
             self.solver.tell_unconverged(doubtful, self._number)
         if lost:
             self._warn("slips-in", SINKS, SINKS_LESS, value=f"{lost:.0%} less")

@@ -164,6 +164,7 @@ static void look(dermis_touch *t, view *v, int64_t i, int thorough) {
         for (int above = 0; above < 2; above++) {
             double x[3], up = above ? high * lift : lift, weight = above ? -1.0 / (high - 1.0) : high / (high - 1.0);
             int64_t known = slots[2 * p + above];
+            /* at the first look, begin at what the middle, or the place before on this side of it, saw from this height */
             if (known < 0 && p < 4) known = slots[2 * (p & 1 ? 4 : p + 1) + above];
             dermis_sight sight = {0.0, {0.0, 0.0, 0.0}, body, -1, known < 0 ? slot : known};
             for (int k = 0; k < 3; k++)

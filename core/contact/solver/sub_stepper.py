@@ -133,9 +133,10 @@ class SubStepper:
         start = [arrived.get(i, body) for i, body in enumerate(start)]
         arriving = max((travel(a, bodies[i], self.solver.pad) for i, a in arrived.items()), default=0.0)
         ways = self._ways(start, bodies, gaps, int(np.ceil(arriving / PRESSING)), depth)
-        if (arrived or begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies)) and _rub(bodies):
+        rubs = _rub(bodies)
+        if (arrived or begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies)) and rubs:
             ways.insert(0, list(start))  # friction begins at the first touch
-        came, released, doubtful, rubs = start, 0.0, None, _rub(bodies)
+        came, released, doubtful = start, 0.0, None
         for way in ways:
             part = self.solver.step(way, part=True)
             if rubs:  # without friction, parts leave no trace

@@ -11,7 +11,7 @@ from core.contact.solver.bodies import BONE, ContactBody
 from core.contact.solver.grip import GripStep, HoldContext, HoldingFinger
 from core.contact.solver.grip_solver import GripSolver
 from core.contact.solver.history import ContactHistory
-from core.contact.solver.point_set import Nodes
+from core.contact.solver.nodes import Nodes
 from core.skin.model import SkinModel
 from core.surface.gap import Surface
 

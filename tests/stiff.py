@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.path_step import PathStep
 from core.skin.model import SkinModel, fingertip_skin
@@ -34,16 +35,8 @@ def on_nodes(skin: SkinModel, tolerance: float = 1e-6, name: str = "finger") -> 
     The law is followed as closely as contact is solved, or as single precision lets it be.
     """
     law = LawSkin.of(skin, None if tolerance >= 3e-5 else max(10.0 * tolerance, 2e-5))
-    return PathSolver(
-        skin.compliance,
-        skin.positions,
-        skin.normals,
-        areas=skin.areas,
-        tolerance=tolerance,
-        name=name,
-        depth_limit=np.inf,
-        law=law,
-    )
+    nodes = Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance)
+    return PathSolver(nodes, tolerance=tolerance, name=name, depth_limit=np.inf, law=law)
 
 
 def frozen(path: PathSolver, bodies: Sequence[ContactBody]) -> PathStep:

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
+from core.contact.solver.nodes import Nodes
+from core.contact.solver.pad_points import PadPoints
 from core.contact.solver.path_solver import PathSolver
-from core.contact.solver.point_solver import PointSolver
 from core.skin.model import SkinModel
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_store import smooth_pad
@@ -183,14 +184,13 @@ class Touch:
         return np.array([path.step(self.bodies(i)).nodal for i in range(len(self.position))])
 
 
-def solver_on(skin: SkinModel, tolerance: float = 1e-6, name: str = "finger") -> PathSolver | PointSolver:
+def solver_on(skin: SkinModel, tolerance: float = 1e-6, name: str = "finger") -> PathSolver:
     """Return what follows a touch on points of a smooth skin, or at the nodes of a mesh that has none."""
     pad, law = smooth_pad(skin), LawSkin.of(skin)
     if pad is None:
-        return PathSolver(
-            skin.compliance, skin.positions, skin.normals, areas=skin.areas, tolerance=tolerance, name=name, law=law
-        )
-    return PointSolver(pad, NodalForces(skin.mesh, pad.chart, skin.follows_law), name=name, law=law)
+        nodes = Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance)
+        return PathSolver(nodes, tolerance=tolerance, name=name, law=law)
+    return PathSolver(PadPoints(pad, NodalForces(skin.mesh, pad.chart, skin.follows_law)), name=name, law=law)
 
 
 def along(count: int, **keys: list[tuple[float, float]]) -> dict[str, Array]:

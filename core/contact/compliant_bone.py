@@ -20,10 +20,12 @@ from ..skin.model import SkinModel
 from ..skin.nodal_forces import NodalForces
 from ..skin.surface_compliance import SurfaceCompliance
 from .solver.bodies import ContactBody, NodeGaps
+from .solver.contact_points import ContactPoints
 from .solver.law_skin import LawSkin
+from .solver.nodes import Nodes
 from .solver.notes import Notes
+from .solver.pad_points import PadPoints
 from .solver.path_solver import TOLERANCE, PathSolver, PathStep
-from .solver.point_solver import PointSolver
 from .solver.sub_stepper import SubStepper
 from .trusted import WORDS, trusted
 
@@ -97,26 +99,18 @@ class CompliantBone:
         # With a spring, the penetration is known only after the solve, and `_bone_step` checks it.
         depth_limit = trusted(skin.tissue).depth if stiffness == 0 else np.inf
         accepted, law = TOLERANCE if tolerance is None else tolerance, LawSkin.of(skin)
+        points: ContactPoints
         if surface is not None:
             if stiffness:
                 surface = surface.with_spring(np.array([0.0, 0.0, 1.0]), stiffness)
-            nodes = NodalForces.of(skin.mesh, surface.chart, skin.follows_law)
-            points = PointSolver(surface, nodes, tolerance=accepted, name=name, depth_limit=depth_limit, law=law)
-            return cls(points, stiffness, limit, name, skin.tissue, skin.material.modulus)
-        compliance = skin.compliance
-        if stiffness:
-            compliance = compliance.copy()
-            compliance[2::3, 2::3] += 1.0 / stiffness
-        solver = PathSolver(
-            compliance,
-            skin.positions,
-            skin.normals,
-            areas=skin.areas,
-            tolerance=accepted,
-            name=name,
-            depth_limit=depth_limit,
-            law=law,
-        )
+            points = PadPoints(surface, NodalForces.of(skin.mesh, surface.chart, skin.follows_law))
+        else:
+            compliance = skin.compliance
+            if stiffness:
+                compliance = compliance.copy()
+                compliance[2::3, 2::3] += 1.0 / stiffness
+            points = Nodes.of(skin.positions, skin.normals, skin.areas, compliance, name=name)
+        solver = PathSolver(points, tolerance=accepted, name=name, depth_limit=depth_limit, law=law)
         return cls(solver, stiffness, limit, name, skin.tissue, skin.material.modulus)
 
     @property

@@ -17,8 +17,9 @@ from ..arrays import Array
 from ..errors import Finding
 from ..surface.gap import Surface
 from .solver.bodies import TIE, TURN, ContactBody, boxes_meet
+from .solver.contact_points import RATIO
+from .solver.pad_points import LIFT, SPREAD
 from .solver.path_step import PathStep
-from .solver.point_set import LIFT, RATIO, SPREAD
 
 # Largest distances between a loaded point and a sharp place by which it is touched [m]. BESIDE: a point looks from
 # places up to SPREAD along both sides of its cell, so a corner within the diagonal of that shows. ABOVE: it looks from

@@ -16,6 +16,7 @@ from .sample_window import SampleWindow
 from .skin_contact import SkinStep
 from .skin_stepper import SkinStepper
 from .solver.grip_solver import GripStep, HoldContext, HoldingFinger
+from .solver.nodes import Nodes
 
 
 class HeldBodies:
@@ -103,5 +104,6 @@ class HeldBodies:
 
 def _holding_finger(stepper: SkinStepper) -> HoldingFinger:
     solver = stepper.bone.solver
+    assert isinstance(solver.contact_points, Nodes)  # see `SkinStepper.stay_on_nodes`
     # the law is the same object, so that its state continues from grip to touch
-    return HoldingFinger(solver.compliance, solver.nodes, stepper.name, solver.bone, solver.law)
+    return HoldingFinger(solver.contact_points, stepper.name, solver.bone, solver.law)

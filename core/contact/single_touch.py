@@ -20,7 +20,6 @@ from .first_touch import CLOSE, first_touch
 from .solver.between import lowered
 from .solver.bodies import ContactBody
 from .solver.path_solver import PathStep
-from .solver.point_solver import PointSolver
 
 STEP = 0.1e-3  # longest step [m], since friction depends on the path; the same as in a bake of 24 mm/s at 240 Hz
 
@@ -72,7 +71,7 @@ class SingleTouch:
     def points(self) -> PointForces | None:
         """Forces on points of the smooth skin; None if contact is solved at nodes."""
         solver, force = self._bone.solver, self.step.solution.force
-        if self.pad is None or not isinstance(solver, PointSolver):
+        if self.pad is None:
             return None
         loaded = np.flatnonzero(force.any(axis=1))
         return PointForces(self.pad, solver.cells[loaded], force[loaded], self.step.amounts)

@@ -32,7 +32,7 @@ from .sample_window import Approach
 from .skin_contact import SkinStep
 from .solver.bodies import AWAY, ContactBody, NodeGaps
 from .solver.grip import GripStep
-from .solver.point_solver import REACH, PointSolver
+from .solver.pad_points import REACH
 
 # An object counts as flat or gently curved if at least SEVERAL points of the skin are nearer to it than NEARBY [m], and
 # its normals at all these points have a cosine above GENTLE with their mean.
@@ -222,7 +222,7 @@ class SkinStepper:
         if self._coarse is not None:
             self._coarse.take(solution, frame)
         self._doubts.take(bone.step, frame, on_points=self.on_points)
-        if self.surface is None or not isinstance(solver, PointSolver) or not solution.loaded.any():
+        if self.surface is None or not solution.loaded.any():
             return _skin_step(bone)
         loaded = solution.loaded.nonzero()[0]
         points = PointForces(self.surface, solver.cells[loaded], solution.force[loaded], bone.step.amounts)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import Array, Indices
 from ..components import components
@@ -18,6 +19,8 @@ from .triangles import TriangleTable, column_crosses, column_dots
 EDGE = 0.5
 FLAT = 1e-4  # triangles whose normals differ by less are parts of one flat face [rad]
 ROUNDING = 1e-15  # of a coordinate, over the largest: normals of triangles so thin that it turns them more are not used
+MOST = 64  # neighbours before and after a triangle beyond the same triangles without area
+ALONG = 0.1  # sine of the angle up to which an edge is along the line in which two planes meet
 ONCE = 2_000_000  # distances that are computed at once
 
 
@@ -46,11 +49,11 @@ def roundness(table: TriangleTable, topology: Topology) -> Roundness:
     radii = np.full(int(part.max()) + 1, np.inf)
     radii[part[usable & (topology.edge_kind == BOUNDARY).any(axis=1)]] = 0.0
     areas = _twice_areas(table)
-    normals = np.ascontiguousarray(_normals(table, across, areas).T)
     middles = table.rows[:3] + (table.rows[3:6] + table.rows[6:9]) / 3.0
-    known = (across >= 0) & usable[:, None] & usable[across] & (radii[part] > 0.0)[:, None]
-    triangle, edge = known.nonzero()
-    other = across[triangle, edge]
+    triangle, edge, other, back, passed = _neighbours(table, topology)
+    normals = np.ascontiguousarray(_normals(table, triangle, edge, other, areas).T)
+    kept = (radii[part[triangle]] > 0.0) & (~passed | _meet(table, normals, triangle, edge, other, back))
+    triangle, edge, other, back = triangle[kept], edge[kept], other[kept], back[kept]
     own = normals[:, triangle]
     turn = np.arccos(np.clip(column_dots(own, normals[:, other]), -1.0, 1.0))
     below = column_dots(middles[:, other] - middles[:, triangle], own) < 0.0
@@ -63,14 +66,62 @@ def roundness(table: TriangleTable, topology: Topology) -> Roundness:
         return Roundness(radii, part)
     face = components(len(usable), triangle[~bent], other[~bent])  # index of each triangle's flat face
     bent &= curved
-    widths = _widths(table, normals.T, areas, face, triangle[bent], edge[bent])
     here = np.full(across.shape, np.nan)
-    here[triangle[bent], edge[bent]] = widths
-    triangle, edge, other, turn = triangle[convex], edge[convex], other[convex], turn[convex]
-    back = (across[other] == triangle[:, None]).argmax(axis=1)
+    here[triangle[bent], edge[bent]] = _widths(table, normals.T, areas, face, triangle[bent], edge[bent])
+    triangle, edge, other, back, turn = (column[convex] for column in (triangle, edge, other, back, turn))
     apart = (here[triangle, edge] + here[other, back]) / 3.0  # of the faces' middles, across the edge
     np.minimum.at(radii, part[triangle], apart / turn)
     return Roundness(radii, part)
+
+
+def _neighbours(
+    table: TriangleTable, topology: Topology
+) -> tuple[Indices, Indices, Indices, Indices, NDArray[np.bool_]]:
+    """Return pairs of triangles that have an area and may be neighbours, shape (n,) each.
+
+    Triangles without area are passed: those that border on the same group of them may be neighbours, each with the
+    `MOST` before it and after it.
+
+    Returns:
+        A triangle, its edge, the other one, that one's edge, and whether triangles without area were passed.
+    """
+    usable, across = table.usable, topology.across
+    triangle, edge = ((across >= 0) & usable[:, None] & usable[across]).nonzero()
+    other = across[triangle, edge]
+    pairs = [(triangle, edge, other, (across[other] == triangle[:, None]).argmax(axis=1))]
+    flat, side = ((across >= 0) & ~usable[:, None]).nonzero()
+    beyond = across[flat, side]
+    inner = ~usable[beyond]
+    group = components(len(usable), flat[inner], beyond[inner])[flat[~inner]]
+    order = np.argsort(group, kind="stable")
+    group, flat, beyond = group[order], flat[~inner][order], beyond[~inner][order]
+    at = (across[beyond] == flat[:, None]).argmax(axis=1)
+    for apart in range(1, MOST + 1):
+        one = (group[apart:] == group[:-apart]).nonzero()[0]
+        if not len(one):
+            break
+        one, two = np.append(one, one + apart), np.append(one + apart, one)
+        pairs.append((beyond[one], at[one], beyond[two], at[two]))
+    triangle, edge, other, back = (np.concatenate(column) for column in zip(*pairs, strict=True))
+    differ = triangle != other
+    passed = np.arange(len(triangle)) >= len(pairs[0][0])
+    return triangle[differ], edge[differ], other[differ], back[differ], passed[differ]
+
+
+def _meet(
+    table: TriangleTable, normals: Array, one: Indices, edge: Indices, other: Indices, back: Indices
+) -> NDArray[np.bool_]:
+    """Return whether the planes of two triangles are the same, or meet along an edge of each, shape (n,)."""
+    a, b = table.rows[3:6], table.rows[6:9]
+    sides = np.stack([a, b - a, -b])
+    line = column_crosses(normals[:, one], normals[:, other])
+    length = np.sqrt(column_dots(line, line))
+    ways = [sides[side, :, triangle].T for triangle, side in ((one, edge), (other, back))]
+    meet = column_dots(*ways) < 0.0  # each lies on its own side
+    for way in ways:
+        off = column_crosses(line, way)
+        meet &= column_dots(off, off) <= (ALONG * length) ** 2 * column_dots(way, way)
+    return meet | (length <= FLAT)
 
 
 def _twice_areas(table: TriangleTable) -> Array:
@@ -80,25 +131,27 @@ def _twice_areas(table: TriangleTable) -> Array:
     return np.sqrt(column_dots(normal, normal))
 
 
-def _normals(table: TriangleTable, across: Indices, area: Array) -> Array:
-    """Return unit normals, shape (T, 3): those of the thinnest triangles are taken from beyond their longest sides."""
+def _normals(table: TriangleTable, triangle: Indices, edge: Indices, other: Indices, area: Array) -> Array:
+    """Return unit normals, shape (T, 3): those of the thinnest triangles are taken from beyond their longest sides.
+
+    Args:
+        table: triangles of the surface.
+        triangle, edge, other: neighbours, see `_neighbours`, shape (n,) each.
+        area: twice the area of each triangle [m^2], shape (T,).
+    """
     normals, lengths = table.bounds[3:6].T, np.sqrt(np.maximum(table.rows[[9, 11, 10]].T, 0.0))
     size = float(np.abs(table.rows[:3]).max(initial=0.0))
-    left = (table.usable & (area * FLAT < ROUNDING * size * lengths.max(axis=1))).nonzero()[0]
-    if not len(left):
+    left = table.usable & (area * FLAT < ROUNDING * size * lengths.max(axis=1))
+    if not left.any():
         return normals
-    normals, sure = normals.copy(), table.usable.copy()
-    sure[left] = False
-    while len(left):
-        beside = across[left]
-        reach = np.where((beside >= 0) & sure[beside], lengths[left], -1.0)
-        best = reach.argmax(axis=1)
-        found = reach.max(axis=1) > 0.0
-        if not found.any():
-            break
-        normals[left[found]] = normals[beside[found, best[found]]]
-        sure[left[found]] = True
-        left = left[~found]
+    normals, thin = normals.copy(), left[triangle]
+    triangle, other, length = triangle[thin], other[thin], lengths[triangle[thin], edge[thin]]
+    order = np.lexsort((-length, triangle))
+    triangle, other = triangle[order], other[order]
+    while len(found := (left[triangle] & ~left[other]).nonzero()[0]):
+        found = found[np.unique(triangle[found], return_index=True)[1]]
+        normals[triangle[found]] = normals[other[found]]
+        left[triangle[found]] = False
     return normals
 
 

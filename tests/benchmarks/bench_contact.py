@@ -189,6 +189,7 @@ def _poses(path: str, lowest: float) -> Iterator[tuple[Any, Any]]:
 @functools.cache
 def _run(level: str, path: str, tolerance: float | None = None) -> Run:
     from core.contact.solver.bodies import ContactBody
+    from core.contact.solver.nodes import Nodes
     from core.contact.solver.path_solver import TOLERANCE, PathSolver
     from core.surface.plane import Plane
 
@@ -196,7 +197,9 @@ def _run(level: str, path: str, tolerance: float | None = None) -> Run:
     plane = Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3))
     poses = list(_poses(path, float(skin.positions[:, 2].min())))
     with one_blas_thread():
-        solver = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=tolerance or TOLERANCE)
+        solver = PathSolver(
+            Nodes.of(skin.positions, skin.normals, None, skin.compliance), tolerance=tolerance or TOLERANCE
+        )
         rotation, place = poses[PRESS]
         started = time.perf_counter()
         solver.step([ContactBody(plane, rotation, place, MU)])

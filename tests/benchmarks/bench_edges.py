@@ -1,6 +1,6 @@
 """Frictional contact on free points of the smooth pad: planes, balls, edges and ribs that slide.
 
-Timed is a whole frame of a finger as a scene has it: `SubStepper` over `PointSolver`, forces brought to the mesh's
+Timed is a whole frame of a finger as a scene has it: `SubStepper` over `PathSolver`, forces brought to the mesh's
 nodes, surfaces of triangles. Each is pressed 1 mm deep at 2 mm/s, then drawn to and fro by 1.5 mm at 240 frames a
 second, with friction 0.6; the pressing is not timed. The node solver's frame on a block is timed in the same run: this
 says more than a time does where other work shares the processor.
@@ -64,7 +64,8 @@ def contact_edge_slid() -> Result:
 def _slid_errors(angle: float) -> list[float]:
     """Return how far the force is off at places along a stroke there and back in steps of 0.1 mm, over its size."""
     from core.contact.solver.bodies import ContactBody
-    from core.contact.solver.point_solver import PointSolver
+    from core.contact.solver.pad_points import PadPoints
+    from core.contact.solver.path_solver import PathSolver
     from core.contact.solver.sub_stepper import SubStepper
     from core.presets import Library
     from core.skin.surface_store import surface_compliance
@@ -75,7 +76,7 @@ def _slid_errors(angle: float) -> list[float]:
     surface = Surface.edge(np.radians(angle))
 
     def forces(ways: Any) -> Any:
-        stepper = SubStepper(PointSolver(pad), 8e-3)
+        stepper = SubStepper(PathSolver(PadPoints(pad)), 8e-3)
         bodies = (ContactBody(surface, translation=np.array([x, 0.0, z]), friction=0.0) for x, z in ways)
         return np.array([stepper.step([body]).solution.force.sum(axis=0) for body in bodies])
 

@@ -58,6 +58,7 @@ def dm2_frame() -> Result:
 @benchmark("pin_frame_ms", limit=0.45, quick=True)
 def pin_frame() -> Result:
     """Solve the contact on the standard skin and DM2, frame after frame of the paper's slide."""
+    from core.contact.solver.nodes import Nodes
     from core.contact.solver.path_solver import PathSolver
 
     skin = _skin()
@@ -65,7 +66,7 @@ def pin_frame() -> Result:
     samples: list[float] = []
     with one_blas_thread():
         for _ in range(3):
-            contact = PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas)
+            contact = PathSolver(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance))
             solver = _solver("DM2")
             for body in bodies[:-FRAMES]:
                 contact.step([body])
@@ -247,10 +248,11 @@ def _plane(offset: Any) -> Any:
 @functools.cache
 def _forces(path: str) -> Any:
     """Return the contact forces of the measured frames, shape (480, 3 m)."""
+    from core.contact.solver.nodes import Nodes
     from core.contact.solver.path_solver import PathSolver
 
     skin = _skin()
-    contact = PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas)
+    contact = PathSolver(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance))
     with one_blas_thread():
         steps = [contact.step([_plane(offset)]).solution.force.reshape(-1).copy() for offset in _offsets(path)]
     return np.array(steps[-FRAMES:])

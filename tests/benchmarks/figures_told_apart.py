@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from core.comparison.afferents import FRAME, JND, REFERENCE_FORCE, Afferents
 from core.comparison.ideal_observer import told
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from core.devices.thimble import mechanism
 from core.presets import Library
@@ -94,7 +95,7 @@ def tests() -> dict[str, tuple[list[touches.Touch], list[touches.Touch]]]:
 
 def noise_of_stress(skin: SkinModel, whole: Array) -> float:
     """Return the first observer's standard deviation along any direction of stress, from the published JND."""
-    path = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-7)
+    path = PathSolver(Nodes.of(skin.positions, skin.normals, None, skin.compliance), tolerance=1e-7)
     depths = np.linspace(0.0, 1.5e-3, 60)
     zero = 0 * depths
     still = touches.Touch("press", touches.flat(), np.stack([zero, zero, depths], axis=1), zero, zero)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from core.cache import Cache
 from core.contact.skin_stepper import SkinStepper
 from core.contact.solver.path_solver import PathSolver
-from core.contact.solver.point_solver import PointSolver
 from core.pipeline import shares
 from core.pipeline.kept_shares import KeptShares
 from core.scene.tactile_scene import Body, Mesh
@@ -286,18 +285,15 @@ def _everything_near() -> Iterator[None]:
 def started(begin: str, seed: int) -> Iterator[None]:
     """Start iterations from nothing, from the last forces, or from forces drawn at random about these."""
     rng = np.random.default_rng(seed)
-    at_nodes, on_points = PathSolver._extrapolated, PointSolver._extrapolated
+    usual = PathSolver._extrapolated
 
     def elsewhere(force: Array) -> Array:
         factors = {"last": 1.0, "zero": 0.0, "random": rng.uniform(0.0, 2.0, force.shape)}
         return factors[begin] * force
 
-    def of_nodes(self: PathSolver, force: Array) -> Array:
-        return at_nodes(self, force) if isinstance(self, PointSolver) else elsewhere(force)
-
-    def of_points(self: PointSolver, force: Array) -> Array:
-        on_points(self, force)  # it notes which points are new
+    def extrapolated(self: PathSolver, force: Array) -> Array:
+        usual(self, force)  # it notes which points are new
         return elsewhere(force)
 
-    with patch.object(PathSolver, "_extrapolated", of_nodes), patch.object(PointSolver, "_extrapolated", of_points):
+    with patch.object(PathSolver, "_extrapolated", extrapolated):
         yield

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from core.contact.solver.point_solver import PointSolver
+from core.contact.solver.path_solver import PathSolver
 from core.pipeline import shares
 from core.scene.tactile_scene import Mesh
 from core.surface.gap import Surface
@@ -170,13 +170,13 @@ def faces(mesh: Mesh) -> set[frozenset[int]]:
 
 
 def test_with_the_broad_phase_off_every_body_comes_to_the_solver(monkeypatch: pytest.MonkeyPatch) -> None:
-    setup, seen, looked = retellings.beside(Touch(PLANE).setup()), [], PointSolver.look
+    setup, seen, looked = retellings.beside(Touch(PLANE).setup()), [], PathSolver.look
 
-    def look(self: PointSolver, bodies: object) -> object:
+    def look(self: PathSolver, bodies: object) -> object:
         seen.append(sum(not body.away for body in bodies))  # type: ignore[attr-defined]
         return looked(self, bodies)  # type: ignore[arg-type]
 
-    monkeypatch.setattr(PointSolver, "look", look)
+    monkeypatch.setattr(PathSolver, "look", look)
     setup.bake()
     usually, seen[:] = list(seen), []
     next(retellings.broad_phase(Touch(PLANE), setup)).bake()
@@ -184,11 +184,11 @@ def test_with_the_broad_phase_off_every_body_comes_to_the_solver(monkeypatch: py
 
 
 def test_starts_are_others_and_leave_the_engine_as_it_was() -> None:
-    usually, begun = PointSolver._extrapolated, []
+    usually, begun = PathSolver._extrapolated, []
     touch = Touch(PLANE)
     for setup in retellings.start(touch, touch.setup()):
         with setup.engine():
-            assert PointSolver._extrapolated is not usually
+            assert PathSolver._extrapolated is not usually
         begun.append(setup.bake().skins["finger"].force)
-    assert PointSolver._extrapolated is usually
+    assert PathSolver._extrapolated is usually
     assert not np.array_equal(begun[0], begun[1]) and not np.array_equal(begun[0], begun[2])

@@ -140,20 +140,12 @@ class NodeGaps:
         far, none, zero = np.full(count, np.inf), np.full(count, -1, dtype=np.int64), np.zeros(count)
         return cls(bodies, far, far.copy(), np.zeros((count, 3)), none, none.copy(), zero, zero.copy())
 
-    def compliance(self, areas: Array | None, where: str) -> Array:
+    def compliance(self, areas: Array) -> Array:
         """Return the compliance of the bodies' own surfaces at the nodes [m/N], shape (m,).
 
         Args:
             areas: area of skin of each node [m^2], shape (m,).
-            where: name of the finger, for errors.
-
-        Raises:
-            DermisError: a body is soft, and the areas are not known.
         """
-        if not self.softness.any():
-            return np.zeros(self.gap.shape[0])
-        if areas is None:
-            raise DermisError("a soft object needs the areas of the skin's nodes", where=where)
         return self.softness / areas
 
 

@@ -14,7 +14,7 @@ from .bodies import BONE, ContactBody, NodeGaps
 from .cone import along
 from .history import ContactHistory
 from .law_skin import LawSkin
-from .point_set import Nodes
+from .nodes import Nodes
 from .smooth_contact import SmoothContact
 
 SEARCH_RADIUS = 3e-3  # largest gap that is measured [m]
@@ -83,14 +83,12 @@ class HoldingFinger:
     """Finger that may hold objects.
 
     Attributes:
-        compliance: compliance matrix of the finger's skin [m/N], shape (3 m, 3 m).
         nodes: the pad nodes.
         name: name of the finger, for findings.
         bone: a point inside the finger [m], shape (3,); open surfaces are touched on the side of this point.
         law: nonlinear law of the skin; None for linear skin.
     """
 
-    compliance: Array
     nodes: Nodes
     name: str = "finger"
     bone: Array = field(default_factory=lambda: BONE)

@@ -75,7 +75,7 @@ class GripSolver:
         self.centre, self.inertia, self.gravity = centre, inertia, gravity
         self.surface = surface
         self.fingers = tuple(fingers)
-        self._rho = WEIGHT * float(np.median(np.concatenate([np.diag(f.compliance) for f in fingers])))
+        self._rho = WEIGHT * float(np.median(np.concatenate([np.diag(f.nodes.exact) for f in fingers])))
         self.mass, self.friction, self.softness, self.deforms = 0.0, 0.0, 0.0, False
         self.carry: Array | None = None
         self._inverses: dict[int, tuple[bytes, Array, Array]] = {}
@@ -211,12 +211,12 @@ class GripSolver:
             points, normal, then = finger.points[near[new]], gaps.normal[near[new]], self.body(pose, *began)
             went = moved(then, body, points)
             offset[new] -= went - along(went, normal)[:, None] * normal
-        soft = gaps.compliance(finger.nodes.areas, finger.name)[near]
+        soft = gaps.compliance(finger.nodes.areas)[near]
         key = near.tobytes() + soft.tobytes()
         kept, bent = self._inverses.get(index), None
         if kept is None or kept[0] != key:
             rows = (3 * near[:, None] + np.arange(3)).reshape(-1)
-            matrix = finger.compliance[rows[:, None], rows] + np.diag(np.repeat(soft, 3))
+            matrix = finger.nodes.exact[rows[:, None], rows] + np.diag(np.repeat(soft, 3))
             inverse: Array = np.asarray(np.linalg.inv(matrix + self._rho * np.eye(rows.size)), dtype=np.float64)
             kept = self._inverses[index] = (key, matrix, inverse)
         if finger.law is not None:
@@ -249,7 +249,7 @@ class GripSolver:
             self._forces[i][grip.near], self._scaled[i][grip.near] = force, ended
             grip.offset += shift
         for i, (finger, force) in enumerate(zip(self.fingers, self._forces, strict=True)):
-            self._deformed[i] = finger.points + (finger.compliance @ force.reshape(-1)).reshape(-1, 3)
+            self._deformed[i] = finger.points + (finger.nodes.exact @ force.reshape(-1)).reshape(-1, 3)
             if finger.law is not None:
                 self._deformed[i] -= finger.law.beyond
         return found
@@ -318,7 +318,7 @@ class GripSolver:
             status = status_of(whole, grip.gaps.normal, grip.gaps.friction)
             # No node sticks to material that slid along the skin.
             held = np.where((grip.gaps.body == grip.own) & drawn & (status == STICK), SLIP, status).astype(np.int8)
-            soft = grip.gaps.compliance(finger.nodes.areas, finger.name)
+            soft = grip.gaps.compliance(finger.nodes.areas)
             grip.history.keep(ended, held, whole, w, self._deformed[i], soft)
             forces.append(whole)
             statuses.append(status)

@@ -30,14 +30,12 @@ PARTS, STRAIGHT = (4, 16), (4, 16)
 
 
 class LinearContact(Protocol):
-    """Solver of contact on linear skin.
+    """Solver of contact on linear skin."""
 
-    Attributes:
-        points: points of the undeformed skin [m], shape (n, 3).
-        bodies: bodies near in the last frame.
-    """
-
-    points: Array
+    @property
+    def points(self) -> Array:
+        """Points of the undeformed skin [m], shape (n, 3)."""
+        ...
 
     @property
     def bodies(self) -> tuple[ContactBody, ...]:

@@ -1,6 +1,7 @@
 """Contact along a path, frame after frame, with friction's history. Frames in which nothing changes are not solved.
 
-A frame is solved in four steps. The gaps are measured. The anchors give the offset b, which is shifted where the
+If bodies have moved, the points at which contact is solved are changed (see `ContactPoints`). A frame is then solved in
+four steps. The gaps are measured. The anchors give the offset b, which is shifted where the
 direction of slip turns (`frame_friction.py`). The forces of the last two frames are extrapolated. From these forces,
 compiled sweeps go from node to node until Coulomb's law holds, while the gaps follow (`smooth_contact.py`). For
 neo-Hookean tissue, contact is solved on linear skin, displaced by the law's correction; then the correction is renewed,
@@ -16,19 +17,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...arrays import Array, Floats32
-from ...errors import DermisError, Finding
+from ...arrays import Array, Indices
+from ...errors import Finding
 from ...kernels.library import kernels
-from .bodies import BONE, ContactBody, NodeGaps, least_gaps, same_places
-from .compliance import displaced, own_compliance, refuse_indefinite
+from .bodies import BONE, ContactBody, NodeGaps, paired, same_places, travel
+from .compliance import displaced
 from .cone import assess, carrying
+from .contact_points import Change, ContactPoints
 from .frame_friction import UNMOVED, FrameFriction
 from .history import ContactHistory
 from .law_frame import solved_by_law
 from .law_skin import Fold, LawSkin
 from .notes import Notes
 from .path_step import PathStep, SolvedFrame
-from .point_set import ContactPoints, Nodes, spacing
+from .point_gaps import passed_on
 from .smooth_contact import SmoothContact
 from .solution import Solution, status_of
 from .sweeps import MOST_SWEEPS, sweep
@@ -49,18 +51,18 @@ EASY = 3
 DEPTH_LIMIT = 2e-3
 # In one frame skin bulges by no more than BULGE times its displacement in the last frame, plus MARGIN [m].
 BULGE, MARGIN = 1.5, 0.3e-3
+# If bodies move less than this in a frame [m], the points are changed before its gaps are measured. If they move
+# farther, the frame is solved in parts, and the points are changed at each part.
+SLOW = 0.15e-3
 # Attributes that a frame changes, besides the history. Each is replaced, never changed in place.
-_STATE = ("_force", "_last", "_image", "_sunk", "_step", "_bodies", "_at_rest", "frames", "_rubbing")
+_STATE = ("_force", "_last", "_new", "_image", "_sunk", "_step", "_bodies", "_at_rest", "frames", "_rubbing")
 
 
 class PathSolver:
     """Contact of one finger, frame after frame.
 
     Args:
-        compliance: compliance matrix of the pad nodes [m/N], shape (3 m, 3 m).
-        points: undeformed pad nodes in the finger's frame [m], shape (m, 3).
-        normals: unit normals out of the skin at the nodes, shape (m, 3).
-        areas: skin of each node [m^2], shape (m,); needed where a body is soft.
+        contact_points: points of the finger's skin at which contact is solved.
         tolerance: largest residual accepted, see `Solution.residual`.
         bone: a point inside the finger [m]: open surfaces are touched on the side where it lies.
         name: for findings.
@@ -74,62 +76,44 @@ class PathSolver:
         frames: number of frames so far.
 
     Raises:
-        DermisError: shapes that do not fit, a compliance that is not positive definite, or no compiled kernels.
+        DermisError: no compiled kernels.
     """
 
     def __init__(
         self,
-        compliance: Array,
-        points: Array,
-        normals: Array,
+        contact_points: ContactPoints,
         *,
-        areas: Array | None = None,
         tolerance: float = TOLERANCE,
         bone: Array = BONE,
         name: str = "finger",
         depth_limit: float = DEPTH_LIMIT,
         law: LawSkin | None = None,
     ) -> None:
-        self._begin(tolerance, bone, name, depth_limit, law)
-        self.points = np.asarray(points, dtype=np.float64)
-        self.areas = areas
-        c = self.compliance = np.ascontiguousarray(compliance, dtype=np.float64)
-        m = self.points.shape[0]
-        if c.shape != (3 * m, 3 * m):
-            raise DermisError(
-                "the compliance does not fit the nodes", where=name, value=c.shape, limit=f"({3 * m}, {3 * m})"
-            )
-        self.nodes = Nodes.of(self.points, normals, areas, c, self.bone)
-        self._c = self.nodes.compliance  # single precision: memory limits the speed of sweeps, and 1e-7 is enough
-        self._own = own_compliance(c)
-        refuse_indefinite(c, name)
-        # skin bulges by no more than an object is pressed in, so nodes beyond this radius are not touched
-        self.search_radius = max(2.5 * spacing(self.points), 2.5e-3)
-        self._contact_points: ContactPoints = self.nodes
-        self._contact = SmoothContact(self.search_radius, self.bone)
-        self.history = ContactHistory(m)
-        self._zero = np.zeros((m, 3))
-        self._status = np.zeros(m, dtype=np.int8)
-        self.reset()
-
-    def _begin(self, tolerance: float, bone: Array, name: str, depth_limit: float, law: LawSkin | None = None) -> None:
         kernels()  # a skin does not work without them, and says so here
-        self.tolerance = tolerance
+        self.contact_points = contact_points
+        self.tolerance, self.depth_limit = tolerance, depth_limit
         self.bone = np.asarray(bone, dtype=np.float64)
         self.name = name
-        self.depth_limit = depth_limit
         self.law = law
         self.counters = dict.fromkeys(("solved", "unchanged", "same", "idle", "unconverged", "held", "parts"), 0)
         self.notes = Notes(name)
         self.frames = 0
-        # forces, and which nodes they load: kept for the property `loaded`
+        self._contact = SmoothContact(self.search_radius, self.bone)
+        self._calm: NodeGaps | None = None  # the last measured gaps; None if a survey was due then
+        self._sample = self.pad[:: max(len(self.pad) // 32, 1)]
+        # forces, and which points they load: kept for the property `loaded`
         self._loaded: tuple[Array | None, NDArray[np.bool_]] = None, np.zeros(0, dtype=np.bool_)
+        self.history = ContactHistory(len(self.points))
+        self.reset()
 
     def reset(self) -> None:
         """Forget the history: the next frame is solved from rest."""
+        self.contact_points.reset()
+        self._number()
         self.history.clear()
         self._force = self._zero
         self._last: Array | None = None  # forces of the frame before
+        self._new = len(self._zero)  # first of the points that had no force in the frame before
         self._image = self._sunk = self._zero
         self._rubbing = UNMOVED
         self._step: PathStep | None = None
@@ -141,11 +125,14 @@ class PathSolver:
     def save(self) -> dict[str, Any]:
         """Return the state between two frames, for `restore`: a step may then be tried and taken back."""
         state = {name: getattr(self, name) for name in _STATE}
-        state.update(history=self.history.save(), counters=dict(self.counters), _notes=self.notes.copy())
+        state.update(points=self.contact_points.save(), history=self.history.save())
+        state.update(counters=dict(self.counters), _notes=self.notes.copy())
         return state if self.law is None else {**state, "law": self.law.save()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a saved state: the frames that follow are the same to the last bit."""
+        self.contact_points.restore(state["points"])
+        self._number()
         for name in _STATE:
             setattr(self, name, state[name])
         self.history = ContactHistory.restored(state["history"])
@@ -181,18 +168,33 @@ class PathSolver:
         return self._bodies
 
     @property
-    def pad(self) -> Array:
-        """Points of the undeformed skin that tell where anything first touches [m], shape (n, 3)."""
-        return self.points
+    def points(self) -> Array:
+        """The present points of the undeformed skin [m], shape (n, 3)."""
+        return self.contact_points.positions
+
+    @property
+    def cells(self) -> Indices:
+        """Index of each point among all points that the skin can have, shape (n,)."""
+        return self.contact_points.cells
 
     @property
     def inward(self) -> Array:
         """Unit normals of the undeformed skin at the points, into the finger, shape (n, 3)."""
-        return self._contact_points.inward
+        return self.contact_points.inward
+
+    @property
+    def pad(self) -> Array:
+        """Points of the undeformed skin that tell where anything first touches [m], shape (p, 3)."""
+        return self.contact_points.pad
+
+    @property
+    def search_radius(self) -> float:
+        """Largest distance at which a body is found [m]."""
+        return self.contact_points.reach
 
     def outside(self, bodies: Sequence[ContactBody], reach: float = np.inf) -> float:
         """Return the smallest gap of the undeformed skin [m], inf where there is none within reach."""
-        return float(least_gaps(self.pad, bodies, reach, self.bone).min())
+        return self.contact_points.outside(bodies, reach, self.bone)
 
     @property
     def gaps(self) -> NodeGaps | None:
@@ -217,25 +219,21 @@ class PathSolver:
 
     @property
     def places(self) -> Array:
-        """Places of the undeformed skin for which `reach` is given [m], shape (p, 3)."""
-        return self.points
+        """Places of the undeformed skin for which `reach` is given [m], shape (q, 3)."""
+        return self.contact_points.places
 
     @property
     def reach(self) -> Array:
-        """How far the skin may bulge from each of `places` in the next frame at most [m], shape (p,).
+        """Radius about each of `places` within which the skin there is in the next frame [m], shape (q,).
 
         An object farther away is not touched. Without load the skin is undeformed, so it touches nothing before its gap
         is closed.
         """
-        return (
-            self._bulge(np.sqrt(np.einsum("ij,ij->i", self._image, self._image)))
-            if self.loaded.any()
-            else np.zeros(len(self.points))
-        )
-
-    def _bulge(self, moved: Array) -> Array:
-        """Return how far skin may bulge in the next frame, from its displacement in the last one [m], shape (n,)."""
-        return np.minimum(BULGE * moved + MARGIN, self.search_radius)
+        sizes = self.contact_points.sizes
+        if not self.loaded.any():
+            return sizes
+        moved = self.contact_points.moved(self._force, self._image)
+        return sizes + np.minimum(BULGE * moved + MARGIN, self.search_radius)
 
     @property
     def loaded_bodies(self) -> frozenset[int]:
@@ -264,7 +262,9 @@ class PathSolver:
             self.counters["same"] += 1
             self.frames += 1
             return replace(self._step, work="same", from_rest=False)
-        gaps = self.look(bodies) if gaps is None else gaps
+        # If bodies moved far in this frame, its gaps were measured at the points of the frame before.
+        if gaps is None or not (part or gaps is self._calm) and self.contact_points.due(bodies):
+            gaps = self._looked(bodies, True)
         if not (gaps.body >= 0).any():
             self._bodies = bodies
             return self.idle(0 if part else 1)
@@ -276,8 +276,27 @@ class PathSolver:
 
     def look(self, bodies: Sequence[ContactBody]) -> NodeGaps:
         """Measure the next frame's gaps without solving the frame."""
-        bodies = tuple(bodies)  # `ContactHistory` keeps anchors for this very tuple, so `offset` finds them
-        return self._contact.look(self._contact_points, bodies, self._expected(bodies) - self.points)
+        return self._looked(tuple(bodies), False)
+
+    def _looked(self, bodies: tuple[ContactBody, ...], at_once: bool) -> NodeGaps:
+        """Measure gaps.
+
+        If a survey is due, the points are changed first: at once, or if bodies move slowly, or without a history.
+        """
+        due = self.contact_points.due(bodies)
+        if due and (at_once or self.fresh or self._slow(bodies)):
+            change = self.contact_points.survey(bodies, self.bone, self.loaded, self._force, self._image)
+            if change is not None:
+                self._inherit(change)
+        if self.fresh and not len(self.points):
+            return NodeGaps.nothing(bodies, 0)
+        # `ContactHistory` keeps anchors for this very tuple of bodies, so `offset` finds them
+        gaps = self._contact.look(self.contact_points, bodies, self._expected(bodies) - self.points)
+        self._calm = None if due else gaps
+        return gaps
+
+    def _slow(self, bodies: Sequence[ContactBody]) -> bool:
+        return all(travel(a, b, self._sample) <= SLOW for a, b in paired(self._bodies, bodies))
 
     def _expected(self, bodies: Sequence[ContactBody]) -> Array:
         """Return the expected places of the skin in the next frame."""
@@ -289,8 +308,8 @@ class PathSolver:
         """Solve the next frame from gaps that were measured elsewhere."""
         from_rest = self.fresh
         b = self.history.offset(gaps, self.points)
-        soft = gaps.compliance(self.areas, self.name)
-        friction = FrameFriction(gaps, self.history, self.loaded, self._matrix, self._own, soft)
+        soft, points = gaps.compliance(self.contact_points.areas), self.contact_points
+        friction = FrameFriction(gaps, self.history, self.loaded, points.compliance, points.own, soft)
         if not from_rest:
             friction.foresee(self._force, b, self._touching, self._rubbing.changing)
         solved = self._solve(b, gaps, soft)
@@ -325,7 +344,7 @@ class PathSolver:
         goal = CHECK * self.tolerance
         solution = Solution(force, displacement, gaps.normal, gaps.friction, status, EASY + 1, residual, goal, "sweeps")
         self._last, self._force, self._image = None, force, self._apply(force)
-        self._sunk = gaps.compliance(self.areas, self.name)[:, None] * force
+        self._sunk = gaps.compliance(self.contact_points.areas)[:, None] * force
         self._bodies, self._at_rest, self._rubbing = gaps.bodies, False, UNMOVED
         self._step = self._frame(solution, self._image, gaps, "solved", from_rest)
         return self._counted(self._step, "held", scene_frame)
@@ -355,7 +374,7 @@ class PathSolver:
         allowed = self._allowed(gaps.bodies)
         if allowed:
             w = image + soft[:, None] * start + b
-            residual, status = assess(start, w, normal, mu, 1.0 / (self._own + soft)[:, None])
+            residual, status = assess(start, w, normal, mu, 1.0 / (self.contact_points.own + soft)[:, None])
             if residual <= allowed:
                 method = "sweeps" if start.any() else "none"
                 goal = max(CHECK * self.tolerance, allowed)
@@ -372,17 +391,20 @@ class PathSolver:
         """Solve a frame on linear skin from forces to start from [N], shape (m, 3); see `LinearContact.iterated`."""
         if gaps.where is not None:
             return self._contact.solve(
-                self._contact_points, b, gaps, start, shift, self.tolerance, CHECK * self.tolerance
+                self.contact_points, b, gaps, start, shift, self.tolerance, CHECK * self.tolerance
             )
         normal, mu = gaps.normal, gaps.friction
         b = b if shift is None else b + shift
-        found = sweep(self._matrix, b, normal, mu, soft, start, self.tolerance, MOST_SWEEPS)
+        found = sweep(self.contact_points.compliance, b, normal, mu, soft, start, self.tolerance, MOST_SWEEPS)
         w, status, goal = found.displacement, found.status, CHECK * self.tolerance
         solution = Solution(found.force, w, normal, mu, status, found.sweeps, found.residual, goal, "sweeps")
         return SolvedFrame(solution, found.image, "solved")
 
     def _allowed(self, bodies: tuple[ContactBody, ...]) -> float:
         """Return the residual up to which the last forces are used again; 0 if they are not to be tried."""
+        stands = self.contact_points.stands
+        if stands and self._step is not None and same_places(bodies, self._bodies):
+            return stands
         if self.law is not None and not self.law.settled:
             return 0.0
         # after a frame that took more sweeps the last forces hardly ever serve again
@@ -391,7 +413,11 @@ class PathSolver:
 
     def _extrapolated(self, force: Array) -> Array:
         """Return the forces extrapolated from the last two frames."""
-        return force if self._last is None else 2.0 * force - self._last
+        if self._last is None:
+            return force
+        start, new = 2.0 * force - self._last, slice(self._new, None)
+        self._new, start[new] = len(force), force[new]
+        return start
 
     def _remember(self, solved: SolvedFrame, friction: FrameFriction, soft: Array) -> None:
         """Keep the forces, the displacement and the friction history of a frame."""
@@ -403,6 +429,40 @@ class PathSolver:
         self._last = self._force if self._force.any() else None
         self._force, self._image, self._sunk = solution.force, solved.image, sunk
         self._bodies = friction.gaps.bodies
+
+    # -- the points ----------------------------------------------------------------------------------------------
+
+    def _number(self) -> None:
+        """Update what only depends on the number of points."""
+        self._zero, self._status = np.zeros((len(self.points), 3)), np.zeros(len(self.points), dtype=np.int8)
+
+    def _inherit(self, change: Change) -> None:
+        """Set the state of each point after a change of the points.
+
+        A point that stays keeps its state. A new point takes the state of those that it replaces.
+        """
+        order, main, history = change.order, change.main, self.history
+        count, new = len(order), len(main)
+        self._number()
+        if self._last is not None:
+            self._last = np.concatenate([self._last.take(order, axis=0), np.zeros((new, 3))])
+        self._force = np.concatenate([self._force.take(order, axis=0), change.inherited])
+        self._image = self._apply(self._force)
+        heirs = (main >= 0).nonzero()[0]
+        self._new = count if len(heirs) else count + new
+        heirs = heirs[history.body[main[heirs]] >= 0]
+        former = np.full(count + new, -1, dtype=np.int64)
+        former[:count], former[count + heirs] = order, main[heirs]
+        sunk, known = np.zeros((count + new, 3)), former >= 0
+        sunk[known] = self._sunk[former[known]]  # a pressure's, so parts of a cell have that of the cell
+        self._sunk = sunk
+        self.history = history.rearranged(former)
+        if len(heirs):
+            heirs += count
+            self.history.anchor(heirs, self._bodies, self.points[heirs] + self._touching[heirs])
+        if self._step is not None and self._step.gaps is not None:
+            self._step = replace(self._step, gaps=passed_on(self._step.gaps, former))
+        self._at_rest = False
 
     # -- small parts ---------------------------------------------------------------------------------------------
 
@@ -428,20 +488,15 @@ class PathSolver:
     def beyond(self) -> Array:
         """Return the displacement on linear skin minus that by the law [m], shape (n, 3); only for skin with a law."""
         assert self.law is not None
-        return self.law.beyond
+        return self.contact_points.at_points(self.law.beyond)
 
     def linear(self, force: Array) -> Array:
         """Return the displacement of linear skin under forces [m], shapes (n, 3) to (n, 3)."""
-        return displaced(self._c, force)
-
-    @property
-    def _matrix(self) -> Floats32:
-        """The compliance of the points [m/N], shape (3 m, 3 m)."""
-        return self._c
+        return displaced(self.contact_points.compliance, force)
 
     def nodal(self, force: Array) -> Array:
-        """Return forces on the points [N] as forces on the nodes of the skin's mesh; here the points are the nodes."""
-        return force
+        """Return forces on the points as forces on the nodes of the skin's mesh [N], shapes (n, 3) to (m, 3)."""
+        return self.contact_points.to_nodes(force)
 
     def tell_unconverged(self, solution: Solution, where: float) -> None:
         """Count a frame that is doubtful because a solution did not converge; `where` is its scene frame."""
@@ -474,3 +529,4 @@ class PathSolver:
                 "Raise the finger, or make its touch depth compliant",
             )
             self.notes.too_deep(skin, depth, self.depth_limit, where, remedy=remedy)
+        self.contact_points.note(self.notes, where)

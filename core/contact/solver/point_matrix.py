@@ -10,12 +10,11 @@ from ctypes import byref
 
 import numpy as np
 
-from ...arrays import Array, Floats32, Indices
+from ...arrays import Floats32, Indices
 from ...kernels import records
 from ...kernels.library import kernels
 from ...kernels.records import address
 from ...skin.surface_compliance import SurfaceCompliance
-from .compliance import displaced
 
 GROWTH = 1.2  # factor by which memory for points grows if it is too small
 
@@ -82,7 +81,3 @@ class PointMatrix:
         """Go back to a saved state."""
         self.cells, self._store = state
         self._saved = True
-
-    def displacement(self, force: Array) -> Array:
-        """Return the displacement C f [m], shape (n, 3), for forces on the points [N], shape (n, 3)."""
-        return displaced(self.matrix, force)

@@ -13,24 +13,24 @@ import numpy as np
 from ...arrays import Array, Floats32, Indices
 from ...skin.pad_chart import PadChart
 from ...skin.row_table import RowTable
+from ...skin.surface_compliance import SurfaceCompliance
 from .cone import carrying
-from .point_set import PointSet
 
 
 class PointReach:
     """Bounds of the displacement of all cells of level 0 of a pad.
 
     Args:
-        points: contact points of the pad.
+        pad: compliance between cells of the pad.
 
     Attributes:
         places: centres of the cells at rest [m], shape (p, 3).
         sizes: largest distance of a point of each cell from its centre [m], shape (p,).
     """
 
-    def __init__(self, points: PointSet) -> None:
-        self._points, self._chart, roots = points, points.pad.chart, points.pad.chart.beside
-        self.places: Array = points.pad.cells.positions[self._chart.base]
+    def __init__(self, pad: SurfaceCompliance) -> None:
+        self._pad, self._chart, roots = pad, pad.chart, pad.chart.beside
+        self.places: Array = pad.cells.positions[self._chart.base]
         corners = self._chart.corners(self._chart.base)
         self.sizes: Array = np.linalg.norm(corners - self.places[:, None], axis=2).max(axis=1)
         odd = np.append(self._chart.base % 2 == 1, False)
@@ -40,17 +40,18 @@ class PointReach:
         self._blocks, self._members = _blocks(self._chart)
         self._rows = RowTable(len(self._members), self._made)
 
-    def moved(self, force: Array, image: Array) -> Array:
+    def moved(self, cells: Indices, force: Array, image: Array) -> Array:
         """Return an upper bound of the displacement in each cell [m], shape (p,).
 
         Args:
+            cells: cells whose centres are the points, shape (n,).
             force: forces on the points [N], shape (n, 3).
             image: displacement of the points [m], shape (n, 3).
         """
-        roots, loaded = self._chart.tiles.root[self._points.cells], carrying(force).nonzero()[0]
+        roots, loaded = self._chart.tiles.root[cells], carrying(force).nonzero()[0]
         under, which = np.unique(self._blocks[roots[loaded]], return_inverse=True)
         on: Array = np.stack([np.bincount(which, force[loaded, k], len(under)) for k in range(3)], axis=1)
-        far = self._points.pad.displaced(self._rows[under], on)
+        far = self._pad.displaced(self._rows[under], on)
         most = np.zeros(len(self.places) + 1)
         most[self._told] = np.sqrt(np.einsum("ij,ij->i", far, far))
         np.maximum.at(most, roots, np.sqrt(np.einsum("ij,ij->i", image, image)))
@@ -58,7 +59,7 @@ class PointReach:
 
     def _made(self, blocks: Indices) -> Floats32:
         """Return the displacement at every second cell for forces spread over blocks."""
-        coarse = self._points.pad.coarse
+        coarse = self._pad.coarse
         means = [coarse[self._members[block]][:, :, self._told].mean(axis=0) for block in blocks.tolist()]
         return np.asarray(np.stack(means))
 

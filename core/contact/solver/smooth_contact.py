@@ -28,9 +28,10 @@ from ...kernels import records
 from ...kernels.library import kernels
 from ...kernels.records import address
 from .bodies import ContactBody, NodeGaps
+from .contact_points import RATIO, ContactPoints
+from .pad_points import CELL
 from .path_step import SolvedFrame
 from .point_matrix import GROWTH
-from .point_set import CELL, RATIO, ContactPoints
 from .posed_records import posed_records
 from .solution import Solution
 from .sweeps import MOST_SWEEPS

@@ -9,7 +9,8 @@ import numpy as np
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
-from core.contact.solver.point_solver import PointSolver
+from core.contact.solver.pad_points import PadPoints
+from core.contact.solver.path_solver import PathSolver
 from core.skin.model import SkinModel
 from core.skin.nodal_forces import NodalForces
 from core.skin.point_forces import PointForces
@@ -46,9 +47,8 @@ def ball_profiles(skin: SkinModel, radius: float, forces: Sequence[float], below
     pad = smooth_pad(skin)
     assert pad is not None
     law = LawSkin.of(skin)
-    solver = PointSolver(
-        pad, NodalForces(skin.mesh, pad.chart, skin.follows_law), name="ball", depth_limit=np.inf, law=law
-    )
+    points = PadPoints(pad, NodalForces(skin.mesh, pad.chart, skin.follows_law))
+    solver = PathSolver(points, name="ball", depth_limit=np.inf, law=law)
     surface: Solid = ball(radius) if np.isfinite(radius) else flat()
     row = np.arange(pad.chart.starts[2], pad.chart.starts[3])
     where = pad.cells.positions[row]

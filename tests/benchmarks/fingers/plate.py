@@ -7,7 +7,7 @@ grows in small steps. Everything is quasi-static: no relaxation.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import OPEN, STICK
 from core.contact.solver.law_skin import LawSkin
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from core.skin.model import SkinModel
 from core.skin.nodal_forces import NodalForces
@@ -59,20 +60,19 @@ class Moment:
     settled: bool
 
 
-class _Cells(PathSolver):
-    """Contact on some cells of a smooth pad, whose tissue's law is that of a mesh."""
+@dataclass(frozen=True, eq=False)
+class _Cells(Nodes):
+    """Some cells of a smooth pad, whose tissue's law is that of a mesh, as points that stay."""
 
-    def at(self, cells: NDArray[np.int64], nodes: NodalForces) -> _Cells:
-        """Tell which cells the points are, and what takes their forces to the nodes."""
-        self._cells, self._nodes = cells, nodes
-        return self
+    on: NodalForces | None = None
 
-    def beyond(self) -> Array:
-        assert self.law is not None
-        return self._nodes.gather(self._cells, self.law.beyond)
+    def at_points(self, displacement: Array) -> Array:
+        assert self.on is not None
+        return self.on.gather(self.cells, displacement)
 
-    def nodal(self, force: Array) -> Array:
-        return self._nodes.spread(self._cells, force)
+    def to_nodes(self, force: Array) -> Array:
+        assert self.on is not None
+        return self.on.spread(self.cells, force)
 
 
 class Plate:
@@ -95,17 +95,15 @@ class Plate:
         self.cells = every[above < above.min() + HIGH]
         self.patches, self.places, self.friction = pad.cells.take(self.cells), pad.chart.places[self.cells], friction
         compliance = pad.rows(self.cells, self.cells).astype(np.float64)
-        solver = _Cells(
-            0.5 * (compliance + compliance.T),
-            self.patches.positions,
-            self.patches.normals,
-            areas=self.patches.areas,
+        own, on = self.patches, NodalForces.of(skin.mesh, pad.chart, skin.follows_law)
+        nodes = _Cells.of(own.positions, own.normals, own.areas, 0.5 * (compliance + compliance.T))
+        self._solver = PathSolver(
+            replace(nodes, cells=self.cells, on=on),
             tolerance=TOLERANCE,
             name="plate",
             depth_limit=np.inf,
             law=LawSkin.of(skin),
         )
-        self._solver = solver.at(self.cells, NodalForces.of(skin.mesh, pad.chart, skin.follows_law))
         self._flat = flat()
         self._kept: dict[float, tuple[list[Moment], Any]] = {}  # of forces that were pressed to
 

@@ -410,7 +410,7 @@ def test_a_grip_whose_laws_are_lost_is_balanced_with_what_is_kept_of_them(
 ) -> None:
     laws = [LawSkin(skin.law, skin.material.modulus) for _ in range(2)]
     linear, poses = setup(skin, 0.05)
-    fingers = [HoldingFinger(skin.compliance, nodes_of(skin), law=law) for law in laws]
+    fingers = [HoldingFinger(nodes_of(skin), law=law) for law in laws]
     grip = LoneGrip(linear.solver.surface, 0.05, fingers, MU, GRAVITY)
     for _ in range(3):
         assert grip.step(np.eye(4), poses).residual < 1e-5

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from core.contact.solver.law_skin import Fold, LawSkin
 from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.path_step import PathStep
-from core.contact.solver.point_solver import PointSolver
 from core.skin.model import SkinModel, fingertip_skin
 from core.skin.nodal_forces import NodalForces
 from core.skin.stimulus import Stimulus
@@ -62,7 +61,7 @@ def straight(touch: Touch, frame: int, step: float = STEP) -> Touch:
     )  # fmt: skip
 
 
-def followed(skin: SkinModel, touch: Touch) -> tuple[PathSolver | PointSolver, PathStep]:
+def followed(skin: SkinModel, touch: Touch) -> tuple[PathSolver, PathStep]:
     path = solver_on(skin)
     for i in range(len(touch.position)):
         step = path.step(touch.bodies(i))

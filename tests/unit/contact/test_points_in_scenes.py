@@ -18,7 +18,7 @@ from core.contact.proximity import Proximity
 from core.contact.skin_contact import SkinContact, SkinStep
 from core.contact.skin_sampler import SkinSampler
 from core.contact.skin_stepper import SkinStepper
-from core.contact.solver.point_solver import PointSolver
+from core.contact.solver.path_solver import PathSolver
 from core.errors import DermisError, Finding
 from core.parameters.skin import SKIN_CONTACT
 from core.scene.tactile_scene import Body, Chunk, Finger, Mesh, TactileScene
@@ -276,7 +276,7 @@ def test_what_skin_bulges_into_is_found_and_what_it_does_not_is_left_alone(
     assert measured.count(2) <= 6
     touched = np.abs(found - none)[skin.positions[:, 0] > 0.006].max()
     assert touched > 0.01 * np.abs(none).max()
-    monkeypatch.setattr(PointSolver, "reach", property(lambda self: np.full(len(self.places), 5e-3)))
+    monkeypatch.setattr(PathSolver, "reach", property(lambda self: np.full(len(self.places), 5e-3)))
     np.testing.assert_array_equal(felt_by(0.2e-3), found)
 
 

@@ -8,10 +8,11 @@ from numpy.typing import NDArray
 
 pytest.importorskip("scipy")
 
+
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import assess
+from core.contact.solver.pad_points import PadPoints
 from core.contact.solver.path_step import PathStep
-from core.contact.solver.point_solver import PointSolver
 from core.skin.assembly import degrees
 from core.skin.model import SkinModel
 from core.skin.stimulus import Stimulus
@@ -168,7 +169,7 @@ def test_points_and_nodes_agree_as_they_do_on_linear_skin(skin: SkinModel) -> No
         nodes = totals(follow(one, touch))
         path = solver_on(one)
         points = np.array([path.step(touch.bodies(i)).solution.force.sum(axis=0) for i in range(len(touch.position))])
-        assert isinstance(path, PointSolver)
+        assert isinstance(path.contact_points, PadPoints)
         apart.append(np.linalg.norm(points[4:] - nodes[4:], axis=1) / np.linalg.norm(nodes[4:], axis=1))
     assert (apart[1] <= apart[0] + 0.05).all()
 

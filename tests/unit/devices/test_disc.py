@@ -9,9 +9,10 @@ import pytest
 
 from core.contact.solver.bodies import NodeGaps
 from core.contact.solver.cone import along
+from core.contact.solver.contact_points import RATIO
+from core.contact.solver.nodes import Nodes
+from core.contact.solver.pad_points import LIFT, SPREAD, PadPoints
 from core.contact.solver.path_solver import PathSolver
-from core.contact.solver.point_set import LIFT, RATIO, SPREAD
-from core.contact.solver.point_solver import PointSolver
 from core.contact.solver.posed_records import ROUND
 from core.devices import disc as module
 from core.devices.disc import DiscContact
@@ -83,7 +84,7 @@ def test_a_path_equals_the_path_solver(skin, device, friction, monkeypatch):
     contact_laws.at_frame_ends_alone(monkeypatch)
     path, disc = walk(), disc_of(device)
     ours, _ = forces_along(contact_with(skin, device, friction), device, path)
-    solver = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
+    solver = PathSolver(Nodes.of(skin.positions, skin.normals, None, skin.compliance), tolerance=1e-8)
     bodies = ((disc.body(placed(device, device.pose(x)), friction),) for x in path)
     theirs = np.array([solver.step_gaps(gaps_of_nodes(solver, body)).solution.force for body in bodies])
     assert np.abs(theirs).max() > 0.05
@@ -195,7 +196,7 @@ def test_points_of_smooth_skin_find_the_gap_that_the_disc_has(device):
     """The compiled look of a touch, against `query` at the lifted places from which a touch looks."""
     pad, disc = smooth_pad(fingertip_skin(level="draft")), disc_of(device)
     pose = placed(device, device.pose(np.array([0.25, -0.15, 0.0172])))
-    solver = PointSolver(pad)
+    solver = PathSolver(PadPoints(pad))
     found = solver.look([disc.body(pose, 0.3)])
     up = -pad.chart.cells.normals[solver.cells] * LIFT * ROUND
     aside = ROUND * SPREAD * pad.chart.cells.sides[solver.cells]

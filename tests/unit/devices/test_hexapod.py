@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from core.contact.solver.bodies import ContactBody
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from core.devices import hexapod
 from core.devices.disc_pose import Disc
@@ -76,7 +77,7 @@ def test_a_press_agrees_with_the_path_solver_on_the_same_path(device, pitch, rol
     command = device.commands(poses)
     steps = 40
     found = Press(PressPoints(skin.positions, skin.compliance), device, 0.4, steps=steps).press(command)
-    solver = PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas)
+    solver = PathSolver(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance))
     disc = Disc(radius=device.disc_radius)
     pose = device.rest_poses(1)
     force = np.zeros_like(skin.positions)

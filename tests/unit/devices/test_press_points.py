@@ -7,7 +7,8 @@ import pytest
 
 from core.cache import Cache
 from core.contact.solver.bodies import ContactBody
-from core.contact.solver.point_solver import PointSolver
+from core.contact.solver.pad_points import PadPoints
+from core.contact.solver.path_solver import PathSolver
 from core.devices.disc_pose import Disc
 from core.devices.press import BATCH, Press, _alike
 from core.devices.press_problem import PressPoints
@@ -77,7 +78,7 @@ def test_a_disc_presses_as_the_same_disc_is_touched(skin, pitch, roll):
     found = Press(press_points(skin), device, 0.4, steps=steps).press(command).force[0]
     pad = smooth_pad(skin)
     nodes = NodalForces(skin.mesh, pad.chart)
-    solver = PointSolver(pad, nodes)
+    solver = PathSolver(PadPoints(pad, nodes))
     pose, disc = device.rest_poses(1), Disc(radius=device.disc_radius)
     for share in np.linspace(0.5, 1.0, 8 * steps):
         pose = device.carry(device.rest + share * (command - device.rest), pose)

@@ -161,10 +161,12 @@ def test_a_copy_that_is_locked_stays(copies: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_skins_refuse_without_it(nobody: None) -> None:
+    from core.contact.solver.nodes import Nodes
     from core.contact.solver.path_solver import PathSolver
 
+    nodes = Nodes.of(np.eye(3), np.eye(3), None, np.eye(9))
     with pytest.raises(DermisError, match="kernels are missing") as told:
-        PathSolver(np.eye(9), np.eye(3), np.eye(3))
+        PathSolver(nodes)
     assert told.value.code == "no-kernels"
 
 

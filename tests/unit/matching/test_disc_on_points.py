@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from core.contact.solver.point_solver import PointSolver
+from core.contact.solver.pad_points import PadPoints
+from core.contact.solver.path_solver import PathSolver
 from core.devices.disc import DiscContact
 from core.devices.disc_pose import Disc, FrictionState, placed
 from core.devices.press_problem import PressPoints
@@ -51,7 +52,7 @@ def path(count=60):
 def touched(skin, device):
     """Forces on the nodes of a skin that the disc is solved on as an object is, and where they act."""
     pad, disc = smooth_pad(skin), Disc(radius=device.disc_radius)
-    solver, out = PointSolver(pad, NodalForces(skin.mesh, pad.chart)), []
+    solver, out = PathSolver(PadPoints(pad, NodalForces(skin.mesh, pad.chart))), []
     for x in path():
         step = solver.step([disc.body(placed(device, device.pose(x)), FRICTION)])
         out.append((step.nodal, PointForces(pad, solver.cells, step.solution.force)))

@@ -8,6 +8,7 @@ import pytest
 import core
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.law_skin import LawSkin
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from core.devices import disc
 from core.devices.disc_pose import FrictionState, placed
@@ -195,7 +196,7 @@ def test_a_press_test_reads_the_nonlinear_law() -> None:
     np.testing.assert_allclose(other, 0.7 * loads, rtol=1e-3)
     ratio = loads / soft
     assert ratio[0] < ratio[1] < ratio[2] and ratio[2] > 1.05
-    solver = PathSolver(own.compliance, own.positions, own.normals, areas=own.areas, law=LawSkin.of(own))
+    solver = PathSolver(Nodes.of(own.positions, own.normals, own.areas, own.compliance), law=LawSkin.of(own))
     for depth in np.linspace(0.1e-3, 1.5e-3, 15):
         plate = ContactBody(Plane(np.array([0.0, 0.0, 1.0]), np.zeros(3)), translation=np.array([0.0, 0.0, depth]))
         step = solver.step([plate])

@@ -10,6 +10,7 @@ import pytest
 from core.cache import Cache
 from core.contact.solver.cone import STICK
 from core.contact.solver.law_skin import LawSkin
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from core.errors import DermisError
 from core.experiment import fingertip
@@ -108,7 +109,7 @@ def test_a_script_asks_for_tissue() -> None:
 def test_skin_that_stiffens_holds_a_plane_that_is_drawn_across_it_as_far_as_friction_does() -> None:
     """1 mm deep and drawn to and fro by 3 mm: it sticks, then slips, and gives way to no drag in between."""
     skin = of_tissue(fingertip_skin(), NEO_HOOKEAN)
-    solver = PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas, law=LawSkin.of(skin))
+    solver = PathSolver(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance), law=LawSkin.of(skin))
     touch, slipped = slide(80), 0
     for frame in range(60):
         step = solver.step(touch.bodies(frame))

@@ -25,11 +25,32 @@ def test_a_ball_is_as_round_as_its_radius_and_in_proportion_to_its_size(facets: 
     assert of(0.1 * vertices, triangles) == pytest.approx(0.1 * of(vertices, triangles), rel=1e-9)
 
 
+@pytest.mark.parametrize("seed", [0, 183305])
 @pytest.mark.parametrize("facets", [80, 320, 1280])
-def test_slivers_in_its_facets_change_nothing(facets: int) -> None:
-    vertices, triangles = shapes.sphere(8e-3, facets)
-    cut = split(vertices, triangles, 300, np.random.default_rng(facets))
+def test_slivers_in_its_facets_change_nothing(facets: int, seed: int) -> None:
+    """Some are so thin that they count as triangles without area, and others lie beyond these."""
+    vertices, triangles = shapes.sphere(2.3e-3, facets)
+    cut = split(vertices, triangles, 300, np.random.default_rng(seed))
     assert of(*cut) == pytest.approx(of(vertices, triangles), rel=1e-6)
+
+
+def test_an_edge_beyond_a_triangle_without_area_is_one() -> None:
+    """The middle of each edge of a block is a vertex of the face on one side alone."""
+    vertices, triangles = shapes.block(20e-3, 20e-3, 20e-3)
+    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2), axis=2)
+    faces = triangles.tolist()
+    for start, end in np.unique(edges.reshape(-1, 2), axis=0).tolist():
+        at = next(i for i, face in enumerate(faces) if {start, end} <= set(face))
+        third = next(corner for corner in faces[at] if corner not in (start, end))
+        middle = len(vertices)
+        vertices = np.vstack([vertices, vertices[[start, end]].mean(axis=0)])
+        turned = faces[at].index(end) == (faces[at].index(start) + 1) % 3
+        one, two = (start, end) if turned else (end, start)
+        faces[at] = [one, middle, third]
+        faces += [[middle, two, third], [one, two, middle]]
+    surface = Surface.build(vertices, np.array(faces))
+    assert (~surface.table.usable).sum() == 18
+    assert surface.roundness.radii.tolist() == [0.0]
 
 
 def test_many_distances_are_computed_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:

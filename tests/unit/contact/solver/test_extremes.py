@@ -7,6 +7,7 @@ import pytest
 
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.cone import along
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from core.errors import DermisError
 from core.skin.material import Elastic
@@ -17,7 +18,7 @@ from tests.unit.contact.solver.test_path_solver import MU, block, laws, plane, p
 
 
 def solver_of(skin, **more):
-    return PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas, **more)
+    return PathSolver(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance), **more)
 
 
 def box(half):

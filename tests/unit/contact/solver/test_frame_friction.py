@@ -7,6 +7,7 @@ import pytest
 
 from core.contact.solver.frame_friction import UNMOVED, FrameFriction
 from core.contact.solver.history import ContactHistory
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 
 from .test_halfspace import flat, frame
@@ -16,7 +17,7 @@ COMPLIANCE, STICKY = 1e-3, 2.0  # [m/N], a friction that holds all
 
 
 def solver() -> PathSolver:
-    return PathSolver(COMPLIANCE * np.eye(9), *flat(NODES), tolerance=1e-9)
+    return PathSolver(Nodes.of(*flat(NODES), None, COMPLIANCE * np.eye(9)), tolerance=1e-9)
 
 
 def taken(path: PathSolver, gaps: list[float], shift: float, mu: float) -> np.ndarray:

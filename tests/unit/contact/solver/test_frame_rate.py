@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from tests.problems import half_space_compliance, square_grid
 
@@ -41,7 +42,7 @@ def half_space():
 def follow(half_space, way, frames, mu=0.5):
     """Return the resultant force of each frame of a way [N], shape (frames + 1, 3)."""
     nodes, compliance = half_space
-    solver = PathSolver(compliance, *flat(nodes), tolerance=1e-7)
+    solver = PathSolver(Nodes.of(*flat(nodes), None, compliance), tolerance=1e-7)
     found = []
     for t in np.linspace(0.0, 1.0, frames + 1):
         depth, shift = way(t)

@@ -27,7 +27,7 @@ GRAVITY = np.array([0.0, -9.81, 0.0])
 def setup(skin, mass, *, squeeze=1e-3, friction=MU, gravity=GRAVITY):
     """Pads facing each other along z, `squeeze` deep on either side of a block at the origin."""
     block = Surface.build(np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * HALF, TRIANGLES)
-    fingers = [HoldingFinger(skin.compliance, nodes_of(skin))] * 2
+    fingers = [HoldingFinger(nodes_of(skin))] * 2
     height = HALF[2] - skin.positions[:, 2].min() - squeeze
     above, below = np.eye(4), np.diag([-1.0, 1.0, -1.0, 1.0])
     above[2, 3], below[2, 3] = height, -height

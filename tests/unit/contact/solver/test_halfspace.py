@@ -7,6 +7,7 @@ import pytest
 
 from core.contact.solver.bodies import ContactBody, NodeGaps
 from core.contact.solver.cone import OPEN, STICK
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from core.surface.plane import Plane
 from tests.contact_laws import solve, with_tangents
@@ -95,7 +96,7 @@ def test_cattaneo_mindlin_force_and_stick_radius(hertz):
     shear = YOUNG / (2 * (1 + POISSON))
     full_slip = 3 * mu * exact_normal / (16 * a) * (2 - POISSON) / shear
     for share in (0.3, 0.6):
-        solver = PathSolver(c, *flat(nodes), tolerance=1e-8)
+        solver = PathSolver(Nodes.of(*flat(nodes), None, c), tolerance=1e-8)
         gap = sphere_gap(nodes, DEPTH)
         solver.step_gaps(frame(nodes, gap, mu))
         s = solver.step_gaps(frame(nodes, gap, mu, (share * full_slip, 0.0))).solution
@@ -129,7 +130,7 @@ def test_loading_and_unloading_hysteresis(hertz):
     mu = 0.4
     normal = 4 / 3 * YOUNG / (1 - POISSON**2) * np.sqrt(RADIUS) * DEPTH**1.5
     full = 3 * mu * normal / (16 * a) * (2 - POISSON) / (YOUNG / (2 * (1 + POISSON)))
-    solver = PathSolver(c, *flat(nodes), tolerance=1e-7)
+    solver = PathSolver(Nodes.of(*flat(nodes), None, c), tolerance=1e-7)
     gap = sphere_gap(nodes, DEPTH)
     shifts = np.concatenate([np.linspace(0, 0.8, 9), np.linspace(0.7, -0.8, 16), np.linspace(-0.7, 0.8, 16)]) * full
     force = np.array([solver.step_gaps(frame(nodes, gap, mu, (x, 0))).solution.force.sum(axis=0)[0] for x in shifts])

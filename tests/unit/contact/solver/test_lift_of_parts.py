@@ -7,7 +7,8 @@ import pytest
 
 from core.arrays import Array
 from core.contact.solver.bodies import ContactBody
-from core.contact.solver.point_solver import PointSolver
+from core.contact.solver.pad_points import PadPoints
+from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.sub_stepper import SubStepper
 from core.presets import Library
 from core.shipped import BUILT_IN
@@ -41,7 +42,7 @@ def moved(surface: Surface, to: Array) -> tuple[Array, Array]:
 def forces(pad: SurfaceCompliance, surfaces: list[Surface]) -> Array:
     """Return the force along Z on skin that is pressed by objects whose tops are at the origin or below it [N]."""
     lowest = pad.cells.positions[pad.cells.positions[:, 2].argmin()]
-    stepper, out = SubStepper(PointSolver(pad), 8e-3), []
+    stepper, out = SubStepper(PathSolver(PadPoints(pad)), 8e-3), []
     for depth in np.arange(STEP, DEEP + STEP / 2, STEP):
         place = lowest + [0.0, 0.0, depth]
         bodies = [ContactBody(surface, translation=place, friction=0.0) for surface in surfaces]
@@ -65,7 +66,7 @@ def test_a_sharp_or_deforming_body_beside_does_not_change_a_ball(pad: SurfaceCom
     lowest, found = pad.cells.positions[pad.cells.positions[:, 2].argmin()], []
     ball, block = Surface.sphere(2e-3, facets=1280), Surface.block(3e-3, 3e-3, 2e-3)
     for beside in ([], [False], [True]):
-        stepper = SubStepper(PointSolver(pad), 8e-3)
+        stepper = SubStepper(PathSolver(PadPoints(pad)), 8e-3)
         for depth in np.arange(STEP, DEEP + STEP / 2, STEP):
             far = [ContactBody(block, translation=lowest + [0.0, 7e-3, 0.0], deforms=deforms) for deforms in beside]
             step = stepper.step([ContactBody(ball, translation=lowest + [0.0, 0.0, depth], friction=0.3), *far])
@@ -81,7 +82,7 @@ def test_a_ball_that_deforms_is_touched_with_the_lift_of_edges(
     lowest, ball = pad.cells.positions[pad.cells.positions[:, 2].argmin()], Surface.sphere(radius, facets=2000)
     found, depths = [], np.arange(0.0, 1.55e-3, 0.1e-3)
     for deforms in (False, True):
-        stepper, ways = SubStepper(PointSolver(pad), 8e-3), lowest + np.outer(depths, [0.0, 0.0, 1.0])
+        stepper, ways = SubStepper(PathSolver(PadPoints(pad)), 8e-3), lowest + np.outer(depths, [0.0, 0.0, 1.0])
         bodies = (ContactBody(ball, translation=way, friction=0.3, deforms=deforms) for way in ways)
         found.append([stepper.step([body]).solution.force.sum(axis=0)[2] for body in bodies])
     change = np.array(found[1])[3:] / np.array(found[0])[3:] - 1.0
@@ -126,7 +127,7 @@ def test_parts_of_one_object_are_touched_as_two_objects_are(pad: SurfaceComplian
     ball = moved(Surface.sphere(2e-3, facets=1280), np.array([-1e-3, 0.0, 0.0]))
     block = moved(Surface.block(3e-3, 3e-3, 2e-3), np.array([3e-3, 0.0, 0.0]))
     for surfaces in ([Surface.build(*ball), Surface.build(*block)], [joined(ball, block)]):
-        stepper = SubStepper(PointSolver(pad), 8e-3)
+        stepper = SubStepper(PathSolver(PadPoints(pad)), 8e-3)
         for depth in np.arange(STEP, DEEP + STEP / 2, STEP):
             place = lowest + [0.0, 0.0, depth]
             step = stepper.step([ContactBody(surface, translation=place, friction=friction) for surface in surfaces])

@@ -8,6 +8,7 @@ import pytest
 from core.contact.solver.between import between
 from core.contact.solver.bodies import ContactBody
 from core.contact.solver.near_surface import NearSurface, NearTriangles
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.sub_stepper import SubStepper
 from core.surface.gap import Surface
@@ -53,7 +54,7 @@ def test_a_finger_pressed_by_it_feels_what_the_whole_surface_gives(skin, monkeyp
 
     def pressed():
         steps = SubStepper(
-            PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas, name="finger"), 0.006
+            PathSolver(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance), name="finger"), 0.006
         )
         for k in range(5):
             surface = Surface.build(start.vertices + (k / 4) * (end.vertices - start.vertices), start.triangles)

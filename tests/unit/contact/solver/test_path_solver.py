@@ -8,9 +8,10 @@ import pytest
 import core.contact.solver.path_solver as path_module
 from core.contact.posed_body import PosedBody
 from core.contact.solver.between import matter_moved
-from core.contact.solver.bodies import ContactBody
+from core.contact.solver.bodies import BONE, ContactBody
 from core.contact.solver.cone import SLIP, STICK
 from core.contact.solver.history import ContactHistory
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from core.scene.tactile_scene import Body, Chunk, Mesh
 from core.surface.gap import Surface
@@ -25,7 +26,12 @@ FLAT = Plane(UP, np.zeros(3))
 
 @pytest.fixture
 def solver(skin):
-    return PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas)
+    return PathSolver(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance))
+
+
+def evenly(skin, **more):
+    """Return a solver on nodes that are taken for evenly spaced ones."""
+    return PathSolver(Nodes.of(skin.positions, skin.normals, None, skin.compliance), **more)
 
 
 def turn(axis, angle):
@@ -56,8 +62,8 @@ def laws(solution, limit=2e-3):
 
 def test_path_equals_a_tight_solve_of_every_frame(skin):
     """The same history through an independent route: every frame solved to 1e-10 from the anchors."""
-    fast = PathSolver(skin.compliance, skin.positions, skin.normals)
-    tight = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-10)
+    fast = evenly(skin)
+    tight = evenly(skin, tolerance=1e-10)
     error = size = 0.0
     for depth, shift in press_and_slide(20):
         a = fast.step([plane(skin, depth, (0.3 * shift, shift))]).solution
@@ -70,7 +76,7 @@ def test_path_equals_a_tight_solve_of_every_frame(skin):
 
 def test_each_frame_is_the_contact_problem(skin):
     """One frame from rest is `solve` on the whole compliance, with the plane's gaps as the offset."""
-    step = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-11).step([plane(skin, 1.2e-3)])
+    step = evenly(skin, tolerance=1e-11).step([plane(skin, 1.2e-3)])
     offset = np.zeros_like(skin.positions)
     offset[:, 2] = skin.positions[:, 2] - skin.positions[:, 2].min() - 1.2e-3
     exact = solve(skin.compliance, offset, MU, normals=np.tile(UP, (len(offset), 1)))
@@ -80,7 +86,7 @@ def test_each_frame_is_the_contact_problem(skin):
 
 def test_energy_balance(skin):
     """Work of the moving plane = elastic energy + friction's heat, and heat is never negative."""
-    solver = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
+    solver = evenly(skin, tolerance=1e-8)
     work = heat = 0.0
     last_force, last_place = None, None
     for depth, shift in press_and_slide(150):
@@ -114,14 +120,10 @@ def test_no_creep_in_ten_thousand_frames(skin, solver):
 def test_rotating_the_world_rotates_the_forces(skin):
     q = turn([1, 2, 3], 1.1)
     big = np.kron(np.eye(skin.pad_count), q)
-    a = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-9)
-    b = PathSolver(
-        big @ skin.compliance @ big.T,
-        skin.positions @ q.T,
-        skin.normals @ q.T,
-        tolerance=1e-9,
-        bone=q @ path_module.BONE,
-    )
+    a = evenly(skin, tolerance=1e-9)
+    bone = q @ BONE
+    nodes = Nodes.of(skin.positions @ q.T, skin.normals @ q.T, None, big @ skin.compliance @ big.T, bone)
+    b = PathSolver(nodes, tolerance=1e-9, bone=bone)
     for depth, shift in press_and_slide(6):
         body = plane(skin, depth, (0.0, shift))
         one = a.step([body]).solution.force
@@ -132,8 +134,9 @@ def test_rotating_the_world_rotates_the_forces(skin):
 def test_mirroring_the_scene_mirrors_the_forces(skin):
     flip = np.array([-1.0, 1, 1])
     wide = np.tile(flip, skin.pad_count)
-    a = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-9)
-    b = PathSolver(skin.compliance * np.outer(wide, wide), skin.positions * flip, skin.normals * flip, tolerance=1e-9)
+    a = evenly(skin, tolerance=1e-9)
+    compliance = skin.compliance * np.outer(wide, wide)
+    b = PathSolver(Nodes.of(skin.positions * flip, skin.normals * flip, None, compliance), tolerance=1e-9)
     for depth, shift in press_and_slide(6):
         one = a.step([plane(skin, depth, (shift, 0.5 * shift))]).solution.force
         two = b.step([plane(skin, depth, (-shift, 0.5 * shift))]).solution.force
@@ -142,7 +145,7 @@ def test_mirroring_the_scene_mirrors_the_forces(skin):
 
 def test_halving_the_time_step_converges(skin):
     def run(count):
-        s = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
+        s = evenly(skin, tolerance=1e-8)
         return [s.step([plane(skin, d, (0.0, x))]).solution.force for d, x in press_and_slide(count)][-1]
 
     exact = run(160)
@@ -186,8 +189,8 @@ def test_extreme_speeds(skin, solver, speed):
 
 @pytest.mark.parametrize("factor", [1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0, 1e3])
 def test_stiffness_over_six_decades(skin, factor):
-    a = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-7)
-    b = PathSolver(skin.compliance / factor, skin.positions, skin.normals, tolerance=1e-7)
+    a = evenly(skin, tolerance=1e-7)
+    b = PathSolver(Nodes.of(skin.positions, skin.normals, None, skin.compliance / factor), tolerance=1e-7)
     for depth, shift in press_and_slide(4):
         body = [plane(skin, depth, (0.0, shift))]
         one, two = a.step(body).solution.force, b.step(body).solution.force
@@ -214,7 +217,7 @@ def test_a_reset_forgets_the_path(skin, solver):
         solver.step([plane(skin, depth, (0.0, shift))])
     solver.reset()
     again = solver.step([plane(skin, 1e-3)])
-    fresh = PathSolver(skin.compliance, skin.positions, skin.normals).step([plane(skin, 1e-3)])
+    fresh = evenly(skin).step([plane(skin, 1e-3)])
     assert again.from_rest
     scale = np.abs(fresh.solution.force).max()
     np.testing.assert_allclose(again.solution.force, fresh.solution.force, atol=1e-4 * scale)
@@ -243,8 +246,8 @@ def test_a_mesh_is_touched_as_the_plane_that_it_is(skin):
     vertices, triangles = block()
     surface = Surface.build(vertices, triangles)
     assert surface.closed and surface.volume == pytest.approx(0.04 * 0.04 * 0.01)
-    a = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
-    b = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
+    a = evenly(skin, tolerance=1e-8)
+    b = evenly(skin, tolerance=1e-8)
     for depth, shift in press_and_slide(5):
         flat = plane(skin, depth, (0.0, shift))
         one = a.step([flat]).solution.force
@@ -267,8 +270,8 @@ def test_a_deforming_mesh_that_moves_rigidly_is_a_rigid_one(skin, cut):
     assert cut_otherwise(triangles, others)
     past = []
     rigid_surface = Surface.build(vertices, triangles)
-    a = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
-    b = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8)
+    a = evenly(skin, tolerance=1e-8)
+    b = evenly(skin, tolerance=1e-8)
     lowest = skin.positions[:, 2].min()
     for i in range(12):
         rotation = turn([0.1, 0.2, 1.0], 0.03 * i)
@@ -306,7 +309,7 @@ def test_where_the_faces_are_others_from_a_frame_on_friction_stays_where_it_was(
     """A flat top moves as one piece, so what faces it is made of cannot be felt."""
     rigid = Surface.build(*block(0.01, 8))
     first, then = block(0.01, 8), OTHERS[other]()
-    a, b = (PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8) for _ in range(2))
+    a, b = (evenly(skin, tolerance=1e-8) for _ in range(2))
     lowest = skin.positions[:, 2].min()
     for i in range(12):
         rotation, place = turn(UP, 0.01 * i), np.array([1e-5 * i, 2e-5 * i, lowest + 1e-3])
@@ -322,7 +325,7 @@ def test_where_the_faces_are_others_from_a_frame_on_friction_stays_where_it_was(
 def test_what_begins_or_ends_to_deform_keeps_its_friction(skin, late):
     """A body comes with the chunks in which a script edits it, and in no other."""
     surface = Surface.build(*block(0.01, 8))
-    a, b = (PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8) for _ in range(2))
+    a, b = (evenly(skin, tolerance=1e-8) for _ in range(2))
     lowest = skin.positions[:, 2].min()
     for i in range(12):
         rotation, place = turn(UP, 0.01 * i), np.array([1e-5 * i, 2e-5 * i, lowest + 1e-3])
@@ -341,7 +344,7 @@ def test_where_its_scale_changes_friction_goes_on_too(skin, kind, cells):
     """Anchors stretch with a body whether it deforms or not, and whatever faces it gets."""
     first, then = Mesh(*block(0.01, 8)), Mesh(*block(0.01, cells if all(SCALED[kind]) else 8))
     posed = [PosedBody(Body("Block", first, {})) for _ in range(2)]
-    solvers = [PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-8) for _ in range(2)]
+    solvers = [evenly(skin, tolerance=1e-8) for _ in range(2)]
     lowest, none = skin.positions[:, 2].min(), np.zeros((0, 1, 4, 4))
     for i in range(12):
         pose = np.diag([1.0 + 0.01 * i, 1.0 + 0.01 * i, 1.0, 1.0])
@@ -391,7 +394,7 @@ def test_two_bodies_keep_their_own_friction(skin, solver):
 def test_a_soft_object_yields(skin):
     """Softness is a compliance by area on the diagonal: the very soft one carries depth * area / softness."""
     soft = 1.0  # [m/Pa]: softer than any skin
-    s = PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas, tolerance=1e-9)
+    s = PathSolver(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance), tolerance=1e-9)
     force = s.step([plane(skin, 1e-3, softness=soft)]).solution.force
     sunk = np.maximum(1e-3 - (skin.positions[:, 2] - skin.positions[:, 2].min()), 0.0)
     np.testing.assert_allclose(force[:, 2], sunk * skin.areas / soft, rtol=1e-4, atol=1e-16)
@@ -402,9 +405,7 @@ def test_a_sheet_without_thickness_is_touched_from_either_side(skin):
     up, down = np.array([[0, 1, 2], [0, 2, 3]]), np.array([[0, 2, 1], [0, 3, 2]])
     place = plane(skin, 1e-3).translation
     forces = [
-        PathSolver(skin.compliance, skin.positions, skin.normals)
-        .step([ContactBody(Surface.build(vertices, t), translation=place, friction=MU)])
-        .solution.force
+        evenly(skin).step([ContactBody(Surface.build(vertices, t), translation=place, friction=MU)]).solution.force
         for t in (up, down)
     ]
     np.testing.assert_allclose(forces[0], forces[1], atol=1e-9)
@@ -419,7 +420,7 @@ def test_an_object_that_appears_inside_is_finite_and_reported(skin, solver):
     assert [f.code for f in solver.findings][:1] == ["too-deep"]
     assert solver.findings[0].frame == 0
     # a finger inside its own copy: every node on the surface, nothing pressed
-    coincident = PathSolver(skin.compliance, skin.positions, skin.normals).step([plane(skin, 0.0)]).solution
+    coincident = evenly(skin).step([plane(skin, 0.0)]).solution
     assert np.isfinite(coincident.force).all() and np.abs(coincident.force).max() < 1e-9
 
 
@@ -446,7 +447,7 @@ def test_jumps_between_frames_stay_bounded(skin, solver):
 def test_a_frame_that_nothing_solves_is_a_finding(skin, monkeypatch):
     monkeypatch.setattr(path_module, "MOST_SWEEPS", 1)
     monkeypatch.setattr(path_module, "CHECK", 0.0)
-    solver = PathSolver(skin.compliance, skin.positions, skin.normals, tolerance=1e-5)
+    solver = evenly(skin, tolerance=1e-5)
     solver.step([plane(skin, 1e-3)], scene_frame=17)
     assert not solver._step.solution.converged
     assert [(f.code, f.frame) for f in solver.findings] == [("not-converged", 17)]
@@ -459,7 +460,7 @@ def test_anchors_that_are_told_once_a_frame_are_told_as_when_asked_twice(skin, m
     monkeypatch.setattr(ContactHistory, "expected", lambda *args: told.append(1) or real(*args))
 
     def forces(forget):
-        path, found = PathSolver(skin.compliance, skin.positions, skin.normals), []
+        path, found = evenly(skin), []
         for depth, shift in press_and_slide(6):
             bodies = [plane(skin, depth, (0.3 * shift, shift))]
             gaps = path.look(bodies)

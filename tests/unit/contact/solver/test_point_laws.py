@@ -12,7 +12,8 @@ pytest.importorskip("scipy")
 from scipy.spatial import ConvexHull
 
 from core.contact.solver.bodies import ContactBody
-from core.contact.solver.point_solver import PointSolver
+from core.contact.solver.pad_points import PadPoints
+from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.sub_stepper import SubStepper
 from core.presets import BUILT_IN, Library
 from core.skin.surface_store import surface_compliance
@@ -34,7 +35,7 @@ def at(surface, x, depth, friction=0.6, **more):
 
 
 def stepper(pad, **more):
-    return SubStepper(PointSolver(pad, **more), 0.006)
+    return SubStepper(PathSolver(PadPoints(pad), **more), 0.006)
 
 
 def walk(steps, surface, places, friction=0.6):

@@ -15,8 +15,9 @@ from scipy.spatial.transform import Rotation
 from core.contact.solver import point_tree
 from core.contact.solver.bodies import AWAY, ContactBody, least_gaps, same_places
 from core.contact.solver.cone import OPEN
+from core.contact.solver.pad_points import PadPoints
+from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.point_matrix import PointMatrix
-from core.contact.solver.point_solver import PointSolver
 from core.contact.solver.point_tree import BEYOND, FINEST, MOST
 from core.contact.solver.sub_stepper import SubStepper
 from core.contact.solver.succession import succession
@@ -43,7 +44,7 @@ def body(surface, depth, friction=0.0, shift=(0.0, 0.0)):
 
 
 def pressed(pad, surface, depth=1e-3, step=0.05e-3, friction=0.0):
-    solver = PointSolver(pad)
+    solver = PathSolver(PadPoints(pad))
     for d in np.arange(0.0, depth + 0.5 * step, step):
         last = solver.step([body(surface, d, friction)])
     return solver, last
@@ -69,7 +70,7 @@ def test_an_open_sheet_presses_as_the_block_whose_face_it_is(pad, softness):
     sheet = Surface.build(corners, np.array([[0, 1, 2], [0, 2, 3]]))
     forces = []
     for surface in (sheet, Surface.block()):
-        solver = PointSolver(pad)
+        solver = PathSolver(PadPoints(pad))
         for depth in np.arange(0.0, 2.05e-3, 0.1e-3):
             last = solver.step([replace(body(surface, depth), softness=softness)])
         forces.append(last.solution.force.sum(axis=0)[2])
@@ -109,7 +110,7 @@ def test_forces_are_those_of_finer_cells_and_near_those_of_a_sharp_edge(pad, mon
 def test_nodes_feel_the_same_force_and_moment(pad):
     shape, _ = shape_and_material(Library().skin("index_medium"), "skin")
     mesh = fingertip_mesh(shape)
-    solver = PointSolver(pad, NodalForces(mesh, pad.chart))
+    solver = PathSolver(PadPoints(pad, NodalForces(mesh, pad.chart)))
     for depth in (0.0, 0.05e-3, 0.1e-3, 0.15e-3):
         step = solver.step([body(Surface.sphere(5e-3, 5000), depth, 0.6)])
     assert step.nodal.shape == (len(mesh.pad), 3)
@@ -119,7 +120,7 @@ def test_nodes_feel_the_same_force_and_moment(pad):
 
 
 def test_every_point_obeys_coulomb_while_an_edge_slides(pad):
-    steps, edge = SubStepper(PointSolver(pad), 0.006), Surface.edge(np.pi / 2)
+    steps, edge = SubStepper(PathSolver(PadPoints(pad)), 0.006), Surface.edge(np.pi / 2)
     forces = []
     for k in range(30):
         along = 0.05e-3 * max(k - 14, 0)
@@ -141,7 +142,7 @@ def test_a_thin_bar_is_felt_like_the_ridge_of_which_it_is_the_top(pad, size, shi
     """The skin beside it does not reach as far down as the bar is high, although skin at rest would be below it."""
     ends = []
     for high in (0.3e-3, 20e-3):
-        steps, surface = SubStepper(PointSolver(pad), 8e-3), Surface.block(*size, high)
+        steps, surface = SubStepper(PathSolver(PadPoints(pad)), 8e-3), Surface.block(*size, high)
         for depth in np.linspace(-0.1e-3, 1.2e-3, 14):
             place = np.array([shift, shift, depth])
             step = steps.step([ContactBody(surface, translation=place, friction=0.6)])
@@ -154,7 +155,7 @@ def test_the_frame_rate_does_not_matter(pad):
     """A ball pressed and drawn aside: four times the frames, the same force."""
 
     def drawn(frames):
-        steps = SubStepper(PointSolver(pad, tolerance=1e-5), 0.006)
+        steps = SubStepper(PathSolver(PadPoints(pad), tolerance=1e-5), 0.006)
         ball = Surface.sphere(5e-3, 5000)
         for s in np.linspace(0.0, 1.0, frames):
             last = steps.step([body(ball, 0.8e-3 * min(2 * s, 1.0), 0.6, (0.5e-3 * max(2 * s - 1, 0.0), 0.0))])
@@ -169,7 +170,7 @@ def test_the_frame_rate_does_not_matter(pad):
 def test_a_touch_after_a_lift_is_the_touch_before_to_the_bit(pad, name):
     """Skin that was lifted remembers nothing: neither where points were, nor what friction held."""
     surface = Surface.edge(np.pi / 2) if name == "edge" else Surface.sphere(3e-3, 1280)
-    steps, cycles = SubStepper(PointSolver(pad), 0.006), []
+    steps, cycles = SubStepper(PathSolver(PadPoints(pad)), 0.006), []
     for _ in range(4):
         cycle = []
         for turn in np.linspace(0.0, 2.0 * np.pi, 17)[:-1]:
@@ -204,7 +205,7 @@ def test_a_state_can_be_gone_back_to(pad):
 def test_a_leap_that_is_tried_and_taken_back_leaves_no_trace(pad, seed):
     """Up to three things jump about by millimetres, and come and go: each frame is solved twice from the same state."""
     surfaces = Surface.sphere(5e-3, 1500), Surface.sphere(2.5e-3, 900), Surface.block(0.02, 0.02, 0.01)
-    rng, steps = np.random.default_rng(seed), SubStepper(PointSolver(pad), 6e-3)
+    rng, steps = np.random.default_rng(seed), SubStepper(PathSolver(PadPoints(pad)), 6e-3)
     foot = np.array([0.0, 0.0, pad.cells.positions[:, 2].min()])
     count = int(rng.integers(1, 4))
     for _ in range(4):
@@ -238,7 +239,7 @@ def test_there_is_an_end_to_points(pad):
     below, _ = block(25e-3, 0.05, 0.02)
     parts = [below - [0.0, 0.0, 1.5e-3], *(tooth + [0.8e-3 * k, 0.0, 0.0] for k in range(-15, 16))]
     comb = Surface.build(np.concatenate(parts), np.concatenate([triangles + k * len(tooth) for k in range(len(parts))]))
-    solver = PointSolver(pad)
+    solver = PathSolver(PadPoints(pad))
     forces = []
     for k in range(15):
         last = solver.step([body(comb, 1e-4 * k, 0.5)], scene_frame=100.0 + k)
@@ -266,7 +267,7 @@ def test_what_rests_is_not_solved_again(pad):
 def test_a_frame_where_a_part_of_the_way_ended_has_its_forces_on_the_nodes(pad):
     shape, _ = shape_and_material(Library().skin("index_medium"), "skin")
     mesh, edge = fingertip_mesh(shape), Surface.edge(np.pi / 2)
-    solver = PointSolver(pad, NodalForces(mesh, pad.chart))
+    solver = PathSolver(PadPoints(pad, NodalForces(mesh, pad.chart)))
     for depth in (0.0, *[0.1e-3] * 8):  # until it rests
         solver.step([body(edge, depth, 0.6)], part=True)
     step = solver.step([body(edge, 0.1e-3, 0.6)])
@@ -279,7 +280,7 @@ def test_a_frame_where_a_part_of_the_way_ended_has_its_forces_on_the_nodes(pad):
 )
 def test_skin_is_within_reach_wherever_it_is_pressed_out(pad, surface):
     """Also where nothing is asked: in cells a quarter as large as those that are told of."""
-    solver, chart = PointSolver(pad), pad.chart
+    solver, chart = PathSolver(PadPoints(pad)), pad.chart
     some = np.arange(chart.starts[2], chart.starts[3], 13)
     root = chart.tiles.root[some]
 
@@ -300,7 +301,7 @@ def test_skin_is_within_reach_wherever_it_is_pressed_out(pad, surface):
 @pytest.mark.parametrize("height", [-3e-3, -1e-4, 0.0, 8e-4, 5e-3])
 def test_the_smallest_gap_is_that_of_all_skin(pad, height):
     """It is looked for where it can be: the same as if all had been asked."""
-    solver = PointSolver(pad)
+    solver = PathSolver(PadPoints(pad))
     for bodies in (
         [body(Surface.sphere(1e-3, 500), height, shift=(2.3e-3, 1e-3))],
         [body(Surface.edge(), height, shift=(-1.1e-3, 0.0)), body(Surface.block(5e-3, 5e-3), height)],
@@ -317,7 +318,7 @@ def test_a_finger_without_friction_that_slid_over_an_edge_is_as_one_that_was_pre
     surface = Surface.edge(np.radians(angle))
 
     def force(*ways):
-        steps = SubStepper(PointSolver(pad), 8e-3)
+        steps = SubStepper(PathSolver(PadPoints(pad)), 8e-3)
         return [steps.step([body(surface, d, shift=(x, 0.0))]).solution.force.sum(axis=0) for x, d in ways]
 
     down, there = np.arange(0.0, 1.01e-3, 0.1e-3), 0.1e-3 * np.arange(1, 13)
@@ -334,7 +335,7 @@ def test_facets_of_a_ball_hold_no_finger_without_friction(pad):
     ball, down, places = Surface.sphere(5e-3, 1280), np.arange(-0.1e-3, 0.76e-3, 0.05e-3), 0.04e-3 * np.arange(-2, 4)
 
     def force(*ways):
-        solver = PointSolver(pad)
+        solver = PathSolver(PadPoints(pad))
         return [solver.step([body(ball, d, shift=(x, 0.0))]).solution.force.sum(axis=0) for x, d in ways]
 
     start, along = [(places[0], d) for d in down], [(x, down[-1]) for x in (*places, *places[::-1])]
@@ -347,7 +348,7 @@ def test_facets_of_a_ball_hold_no_finger_without_friction(pad):
 @pytest.mark.parametrize("there", [0.25e-3, 0.5e-3, 0.75e-3])
 def test_skin_that_slid_over_an_edge_comes_to_rest(pad, there):
     """What goes over an edge goes with it, and not back again when it stands."""
-    steps, edge = SubStepper(PointSolver(pad), 8e-3), Surface.edge()
+    steps, edge = SubStepper(PathSolver(PadPoints(pad)), 8e-3), Surface.edge()
     for depth in np.linspace(0.0, 1e-3, 11):
         steps.step([body(edge, depth, 0.02)])
     for x in np.arange(0.05e-3, there + 1e-9, 0.05e-3):
@@ -361,7 +362,7 @@ def test_what_is_away_changes_nothing_wherever_it_is_first_seen(pad, since):
     """Which boxes meet depends on how the scene lies in the world, and must not be felt."""
 
     def forces(others):
-        steps = SubStepper(PointSolver(pad), 8e-3)
+        steps = SubStepper(PathSolver(PadPoints(pad)), 8e-3)
         ways = [body(Surface.edge(), d, 0.6, (3.0 * d, 0.0)) for d in np.arange(-0.1e-3, 0.7e-3, 0.1e-3)]
         return np.array([steps.step([way, *others(k)]).solution.force.sum(axis=0) for k, way in enumerate(ways)])
 
@@ -373,7 +374,7 @@ def test_what_is_away_changes_nothing_wherever_it_is_first_seen(pad, since):
 
 
 def test_nothing_near_is_idle(pad):
-    solver = PointSolver(pad)
+    solver = PathSolver(PadPoints(pad))
     step = solver.step([body(Surface.block(), -5e-3)])
     assert step.work == "idle"
     assert len(solver.cells) == 0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from core.contact.solver.bodies import ContactBody
-from core.contact.solver.path_solver import BONE
-from core.contact.solver.point_solver import PointSolver
+from core.contact.solver.pad_points import PadPoints
+from core.contact.solver.path_solver import BONE, PathSolver
 from core.contact.solver.point_tree import BACK, BEYOND, COARSEST, FINEST, MANY, PointTree
 from core.contact.solver.sub_stepper import SubStepper
 from core.errors import DermisError
@@ -40,7 +40,7 @@ def edge(x: float, depth: float = AT) -> ContactBody:
 
 def dragged(pad: SurfaceCompliance, *more: ContactBody, first: bool = True) -> list[np.ndarray]:
     """Return the cells of every frame of a drag, with other bodies beside, before or behind in the order."""
-    steps, cells = SubStepper(PointSolver(pad), 8e-3), []
+    steps, cells = SubStepper(PathSolver(PadPoints(pad)), 8e-3), []
     ways = [(0.0, d) for d in np.linspace(-0.1e-3, AT, 7)] + [(x, AT) for x in np.linspace(0.0, 0.6e-3, 9)[1:]]
     for x, depth in ways:
         # what is far moves, too: faster than the edge, and there from the fourth frame on
@@ -65,7 +65,7 @@ def test_what_is_not_touched_changes_no_cell(pad: SurfaceCompliance, first: bool
 @pytest.mark.parametrize("x", [0.0, 0.13e-3, 0.37e-3, 0.61e-3])
 def test_cells_are_fine_where_an_edge_is_and_beside_it(pad: SurfaceCompliance, x: float) -> None:
     """Skin that slides meets an edge where cells are fine already: on either side of it, and nowhere else."""
-    steps = SubStepper(PointSolver(pad), 8e-3)
+    steps = SubStepper(PathSolver(PadPoints(pad)), 8e-3)
     for depth in np.linspace(-0.1e-3, AT, 7):
         steps.step([edge(x, depth)])
     solver = steps.solver
@@ -181,7 +181,7 @@ def test_cells_do_not_depend_on_what_was_near_before(pad: SurfaceCompliance) -> 
 )
 def test_a_finger_that_came_by_another_way_has_the_same_cells(pad: SurfaceCompliance, surface: Surface) -> None:
     def last(*ways: tuple[float, float]) -> np.ndarray:
-        steps = SubStepper(PointSolver(pad), 8e-3)
+        steps = SubStepper(PathSolver(PadPoints(pad)), 8e-3)
         for x, depth in ways:
             steps.step([ContactBody(surface, translation=np.array([x, 0.0, depth]), friction=0.6)])
         return np.sort(steps.solver.cells)
@@ -220,8 +220,8 @@ def test_a_drag_has_the_same_cells_and_forces_where_every_corner_is_looked_at(
     pad: SurfaceCompliance, surface: Surface
 ) -> None:
     def drag(thorough: int) -> list[tuple[bytes, bytes]]:
-        steps, found = SubStepper(PointSolver(pad), 8e-3), []
-        steps.solver._tree._record.thorough = thorough
+        steps, found = SubStepper(PathSolver(PadPoints(pad)), 8e-3), []
+        steps.solver.contact_points.tree._record.thorough = thorough
         for x in np.linspace(-0.4e-3, 0.8e-3, 13):
             body = ContactBody(surface, translation=np.array([x, 0.0, min(AT, x + 0.4e-3)]), friction=0.3)
             force = steps.step([body]).solution.force
@@ -239,7 +239,7 @@ def test_a_damaged_record_is_refused(pad: SurfaceCompliance) -> None:
         assert drawn.call(own, **{name: value}) == [1], name
     drawn.poses[0, 0] = np.nan
     assert drawn.call(own) == [2]
-    solver = PointSolver(pad)
+    solver = PathSolver(PadPoints(pad))
     solver.step([edge(0.0)])
     with pytest.raises(DermisError, match="not finite"):
         solver.step([edge(np.nan)])

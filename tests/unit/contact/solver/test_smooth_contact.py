@@ -12,9 +12,8 @@ import pytest
 from core.contact.single_touch import SingleTouch
 from core.contact.solver import smooth_contact
 from core.contact.solver.bodies import ContactBody
+from core.contact.solver.pad_points import REACH, PadPoints
 from core.contact.solver.path_solver import BONE
-from core.contact.solver.point_set import PointSet
-from core.contact.solver.point_solver import REACH
 from core.contact.solver.smooth_contact import SmoothContact
 from core.presets import Library
 from core.shipped import BUILT_IN
@@ -36,7 +35,7 @@ def pad() -> SurfaceCompliance:
 @pytest.mark.parametrize("x", np.arange(-8, 9, 2).tolist())
 def test_a_point_over_one_flat_face_sees_from_one_place_what_it_sees_from_all(pad: SurfaceCompliance, x: float) -> None:
     """The edge of a block is under the pad, at other distances from the points for each x [mm]."""
-    points = PointSet(pad)
+    points = PadPoints(pad)
     places = pad.cells.positions[: pad.chart.starts[1]]
     low = np.flatnonzero(places[:, 2] < places[:, 2].min() + 1.5e-3)
     points.change(np.zeros(0, dtype=np.int64), low)
@@ -55,7 +54,7 @@ def test_a_point_over_one_flat_face_sees_from_one_place_what_it_sees_from_all(pa
 
 def test_what_is_left_in_a_kept_workspace_changes_no_byte(pad: SurfaceCompliance) -> None:
     """A workspace of more points, full of NaN, beside a new one."""
-    points, places = PointSet(pad), pad.cells.positions[: pad.chart.starts[1]]
+    points, places = PadPoints(pad), pad.cells.positions[: pad.chart.starts[1]]
     low = np.flatnonzero(places[:, 2] < places[:, 2].min() + 1.5e-3)
     points.change(np.zeros(0, dtype=np.int64), low)
     zero, found = np.zeros((len(low), 3)), []
@@ -75,7 +74,7 @@ def test_what_is_left_in_a_kept_workspace_changes_no_byte(pad: SurfaceCompliance
 
 def test_arrays_of_a_look_exist_until_its_solution(pad: SurfaceCompliance) -> None:
     """The kernel has their addresses alone."""
-    points = PointSet(pad)
+    points = PadPoints(pad)
     points.change(np.zeros(0, dtype=np.int64), np.arange(9))
     contact, names = SmoothContact(REACH, BONE), ("positions", "inward", "spread", "areas")
     gaps = contact.look(points, walls(0.0), np.zeros((9, 3)))
@@ -96,7 +95,7 @@ def walls(*angles: float) -> list[ContactBody]:
 
 def gaps_of(pad: SurfaceCompliance, bodies: list[ContactBody], where: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return gap and normal of one cell at given places [m], shape (n, 3)."""
-    points, cell = PointSet(pad), np.abs(pad.cells.positions[: pad.chart.starts[1], :2]).sum(axis=1).argmin()
+    points, cell = PadPoints(pad), np.abs(pad.cells.positions[: pad.chart.starts[1], :2]).sum(axis=1).argmin()
     points.change(np.zeros(0, dtype=np.int64), np.array([cell]))
     contact, found = SmoothContact(REACH, BONE), []
     for place in where:

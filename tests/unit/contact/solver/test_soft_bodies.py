@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from core.contact.solver.bodies import ContactBody
+from core.contact.solver.nodes import Nodes
+from core.contact.solver.pad_points import PadPoints
 from core.contact.solver.path_solver import PathSolver
-from core.contact.solver.point_solver import PointSolver
 from core.skin.model import fingertip_skin
 from core.skin.nodal_forces import NodalForces
 from core.skin.surface_store import smooth_pad
@@ -25,9 +26,9 @@ def skin():
 
 def solver_of(skin, on: str) -> PathSolver:
     if on == "nodes":
-        return PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas)
+        return PathSolver(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance))
     pad = smooth_pad(skin)
-    return PointSolver(pad, NodalForces(skin.mesh, pad.chart))
+    return PathSolver(PadPoints(pad, NodalForces(skin.mesh, pad.chart)))
 
 
 def floor(skin, depth: float, along: float, stiffness: float) -> ContactBody:

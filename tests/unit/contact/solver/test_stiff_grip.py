@@ -22,7 +22,7 @@ def skin() -> SkinModel:
 def held(mass: float, gravity: np.ndarray = GRAVITY) -> tuple[LoneGrip, list[np.ndarray]]:
     """Return the block of the linear skin's tests between fingers of skin that stiffens."""
     linear, poses = setup(skin(), mass, squeeze=SQUEEZE, gravity=gravity)
-    fingers = [HoldingFinger(skin().compliance, nodes_of(skin()), law=LawSkin.of(skin(), 1e-4)) for _ in poses]
+    fingers = [HoldingFinger(nodes_of(skin()), law=LawSkin.of(skin(), 1e-4)) for _ in poses]
     return LoneGrip(linear.solver.surface, mass, fingers, MU, gravity), poses
 
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from core.contact.solver.between import between
 from core.contact.solver.bodies import ContactBody, travel
+from core.contact.solver.nodes import Nodes
 from core.contact.solver.path_solver import PathSolver
 from core.contact.solver.sub_stepper import DEEP_PARTS, FAST_PARTS, MAX_PARTS, PRESSING, SubStepper
 from core.surface.gap import Surface
@@ -21,7 +22,9 @@ BONE = 0.006
 
 
 def stepper(skin):
-    return SubStepper(PathSolver(skin.compliance, skin.positions, skin.normals, areas=skin.areas, name="finger"), BONE)
+    return SubStepper(
+        PathSolver(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance), name="finger"), BONE
+    )
 
 
 def below(skin, surface, depth, shift=(0.0, 0.0), **more):
@@ -200,7 +203,7 @@ class HardParts(PathSolver):
 
 @pytest.mark.parametrize(("friction", "frames"), [(FRICTION, 3), (0.0, 0)])
 def test_a_part_that_did_not_converge_is_told_once_a_frame_where_friction_remembers_it(skin, friction, frames):
-    solver = HardParts(skin.compliance, skin.positions, skin.normals, areas=skin.areas, name="finger")
+    solver = HardParts(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance), name="finger")
     steps = SubStepper(solver, BONE)
     for depth in (0.1e-3, 0.6e-3, 1.1e-3):
         steps.step([replace(below(skin, card(0.02), depth), friction=friction)], scene_frame=depth)

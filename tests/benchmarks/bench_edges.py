@@ -23,19 +23,19 @@ _ANGLES = {f"{angle:.0f} degrees": angle for angle in (90.0, 60.0, 120.0)}
 RIB, PERIOD, RIBS, GROOVE = 0.75e-3, 1.5e-3, 21, 1.5e-3
 
 
-@benchmark("contact_edge_ms", limit=1.3, quick=True)
+@benchmark("contact_edge_ms", limit=1.0, quick=True)
 def contact_edge() -> Result:
     """An edge of 90 degrees, rounded by 0.2 mm, that slides at 20 mm/s."""
     return _result("contact_edge_ms", "edge", 20e-3)
 
 
-@benchmark("contact_edge_fast_ms", limit=5.0, quick=True)
+@benchmark("contact_edge_fast_ms", limit=3.0, quick=True)
 def contact_edge_fast() -> Result:
     """The same edge at 100 mm/s: every frame is walked in parts."""
     return _result("contact_edge_fast_ms", "edge", 100e-3)
 
 
-@benchmark("contact_ribs_ms", limit=3.0, quick=True)
+@benchmark("contact_ribs_ms", limit=2.2, quick=True)
 def contact_ribs() -> Result:
     """Ribs 0.75 mm wide, 1.5 mm apart, at 20 mm/s."""
     return _result("contact_ribs_ms", "ribs", 20e-3, strokes=1)

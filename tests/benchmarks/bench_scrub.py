@@ -17,7 +17,7 @@ FRAMES = range(28, 46)  # of the demo: pressed and sliding
 FINGERS = 5
 
 
-@benchmark(NAME, limit=8.0)
+@benchmark(NAME, limit=6.0)
 def scrub_five_fingers() -> Result:
     """Scrub the five-finger demo forward through its slide, again and again."""
     import time

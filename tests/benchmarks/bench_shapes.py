@@ -68,19 +68,19 @@ class Judged(NamedTuple):
         return told if self.counts else f"{told}  not judged"
 
 
-@benchmark("shape_force_error", limit=0.08, quick=True)
+@benchmark("shape_force_error", limit=0.05, quick=True)
 def shape_force_error() -> Result:
     """The worst force on any shape."""
     return _worst("shape_force_error", lambda case: (abs(case.error), case.own_force))
 
 
-@benchmark("shape_stress_error", limit=0.15, quick=True)
+@benchmark("shape_stress_error", limit=0.10, quick=True)
 def shape_stress_error() -> Result:
     """The worst stress 1.2 mm under the skin."""
     return _worst("shape_stress_error", lambda case: (case.stress[1], case.own_stress[1]))
 
 
-@benchmark("shape_stress_error_shallow", limit=0.25, quick=True)
+@benchmark("shape_stress_error_shallow", limit=0.18, quick=True)
 def shape_stress_error_shallow() -> Result:
     """The worst stress 0.3 mm under the skin, on smooth shapes."""
     return _worst("shape_stress_error_shallow", lambda case: (case.stress[0], case.own_stress[0]), SMOOTH)
@@ -127,7 +127,7 @@ def _beyond(name: str, depth: float) -> Result:
     return Result(name, max(beyond.values()), "1", None, peers)
 
 
-@benchmark("thin_card_force_error", limit=0.01, quick=True)
+@benchmark("thin_card_force_error", limit=0.005, quick=True)
 def thin_card_force_error() -> Result:
     """Closed cards down to 0.1 mm against a block with the same top, with friction, 0.5 to 2 mm deep."""
     from core.surface.gap import Surface

@@ -134,10 +134,10 @@ def thimble_frame_p95_ratio() -> Result:
     return Result("thimble_frame_p95_ratio", times.p95 / times.median, "1")
 
 
-@benchmark("finger_frame_ms", limit=2.0, quick=True)
+@benchmark("finger_frame_ms", limit=0.6, quick=True)
 def finger_frame() -> Result:
     """The same with the contact of the virtual touch."""
-    return frame_result("finger_frame_ms", "draft", with_target=True, p95_limit=4.0)
+    return frame_result("finger_frame_ms", "draft", with_target=True, p95_limit=1.2)
 
 
 @benchmark("thimble_frame_6k_ms")

@@ -127,13 +127,13 @@ class PadPoints:
         if not len(leaving) and not len(entering):
             return None
         inherited, main = succession(self.surface.chart.tiles, self.cells[leaving], leaving, entering, force)
-        return Change(self._change(leaving, entering), inherited, main)
+        return Change(self.change(leaving, entering), inherited, main)
 
     def reset(self) -> None:
         """Remove all points."""
         self._surveyed = None
         self.tree.reset()
-        self._change(np.arange(len(self.cells)), np.zeros(0, dtype=np.int64))
+        self.change(np.arange(len(self.cells)), np.zeros(0, dtype=np.int64))
 
     def note(self, notes: Notes, scene_frame: float) -> None:
         """Warn if the last survey found too many cells, and took coarser ones."""
@@ -164,7 +164,7 @@ class PadPoints:
         leaves[number[number != NONE]] = False
         return leaves.nonzero()[0], cells[number == NONE]
 
-    def _change(self, leaving: Indices, entering: Indices) -> Indices:
+    def change(self, leaving: Indices, entering: Indices) -> Indices:
         """Remove points by their positions, and add cells at the end; return the former position of each that stays."""
         before = self.cells
         order = self.matrix.change(leaving, entering)

@@ -122,7 +122,7 @@ class SubStepper:
         bodies = self._felt(bodies)
         if self.solver.unmoved(bodies):
             return self.solver.step(bodies, scene_frame=scene_frame)
-        known, depth = self.solver.bodies, self.solver.depth
+        known, depth = self.solver.bodies, self.solver.depth  # before `look`, which may change the points of that frame
         gaps = self.solver.look(bodies)
         start: Sequence[ContactBody] = (*known, *bodies[len(known) :])  # others came since
         begins = self.solver.fresh
@@ -133,27 +133,38 @@ class SubStepper:
         start = [arrived.get(i, body) for i, body in enumerate(start)]
         arriving = max((travel(a, bodies[i], self.solver.pad) for i, a in arrived.items()), default=0.0)
         ways = self._ways(start, bodies, gaps, int(np.ceil(arriving / PRESSING)), depth)
-        rubs = _rub(bodies)
-        if (arrived or begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies)) and rubs:
+        inside = begins and (gaps.gap < -OUTSIDE).any() and not same_places(start, bodies)
+        if (arrived or inside) and _rub(bodies):
             ways.insert(0, list(start))  # friction begins at the first touch
-        came, released, doubtful = start, 0.0, None
+        step = self._solved(start, ways, bodies, gaps)
+        if lost := self._press.lost(start, step):
+            self._warn("slips-in", SINKS, SINKS_LESS, value=f"{lost:.0%} less")
+        if touched and not self.solver.loaded.any():
+            self.solver.reset()  # after skin has lifted off, the next touch has no history
+        return step
+
+    def _solved(
+        self, start: Sequence[ContactBody], ways: list[list[ContactBody]], bodies: list[ContactBody], gaps: NodeGaps
+    ) -> PathStep:
+        """Solve all parts of a frame, and return the last one.
+
+        Args:
+            start, bodies: bodies at the begin and at the end of the frame.
+            ways: bodies at the end of each part but the last.
+            gaps: gaps at the end of the frame.
+        """
+        came, released, doubtful, rubs = start, 0.0, None, _rub(bodies)
         for way in ways:
             part = self.solver.step(way, part=True)
             if rubs:  # without friction, parts leave no trace
                 came, released = way, max(released, self._release.released(came, part))
                 doubtful = doubtful if part.solution.converged else part.solution
-        step = self.solver.step(bodies, scene_frame=scene_frame, gaps=None if ways else gaps)
-        step = self._through(step, bodies)
-        step = self._slid_past(step, bodies)
-        lost, released = self._press.lost(start, step), max(released, self._release.released(came, step))
+        step = self.solver.step(bodies, scene_frame=self._number, gaps=None if ways else gaps)
+        step = self._slid_past(self._through(step, bodies), bodies)
         if doubtful is not None and step.solution.converged:
             self.solver.tell_unconverged(doubtful, self._number)
-        if lost:
-            self._warn("slips-in", SINKS, SINKS_LESS, value=f"{lost:.0%} less")
-        if released:
+        if released := max(released, self._release.released(came, step)):
             self._warn("lets-go", LETS_GO, LETS_GO_LESS, value=f"{released:.0%} of the force")
-        if touched and not self.solver.loaded.any():
-            self.solver.reset()  # after skin has lifted off, the next touch has no history
         return step
 
     def _warn(self, code: str, what: str, remedy: str, **details: str) -> None:
@@ -231,7 +242,8 @@ class SubStepper:
         same = pressed[(last.body == gaps.body).take(pressed)]
         if same.size == 0:
             return int(np.ceil(self._travel(start, gaps, pressed) / PRESSING))
-        parts = np.ceil(self._pressing(start, gaps, last, same) / PRESSING)
+        pressing = float(np.abs(self._approach(start, gaps, last, same, gaps.normal)).max())
+        parts = np.ceil(pressing / PRESSING)
         if along(gaps.normal.take(same, axis=0), last.normal.take(same, axis=0)).min() < STRAIGHT:
             parts = max(parts, np.ceil(self._travel(start, gaps, same) / TURNING))
         return int(parts)
@@ -251,11 +263,8 @@ class SubStepper:
             return False
         if depth > limit:
             return True
-        for own, way in self._moved(start, gaps, self._touching(gaps)):
-            deeper = last.gap[own] - gaps.gap[own] if way is None else along(way, self.solver.inward[own])
-            if depth + float(deeper.max()) > limit:
-                return True
-        return False
+        deeper = self._approach(start, gaps, last, self._touching(gaps), self.solver.inward)
+        return depth + float(deeper.max(initial=-np.inf)) > limit
 
     def _touching(self, gaps: NodeGaps) -> Indices:
         """Return the nodes that touch at the end of a frame, or did at its begin."""
@@ -266,17 +275,25 @@ class SubStepper:
         ways = (way for _, way in self._moved(start, gaps, nodes) if way is not None)
         return max((float(np.sqrt((way * way).sum(axis=1)).max()) for way in ways), default=0.0)
 
-    def _pressing(self, start: Sequence[ContactBody], gaps: NodeGaps, last: NodeGaps, nodes: Indices) -> float:
-        """Return the largest normal movement of the bodies' material at nodes [m].
+    def _approach(
+        self, start: Sequence[ContactBody], gaps: NodeGaps, last: NodeGaps, nodes: Indices, axes: Array
+    ) -> Array:
+        """Return the movement of the bodies' material at nodes along unit vectors, such as normals [m], shape (k,).
 
         A difference of gaps would jump at an edge of a surface, so it is used only for bodies whose triangles have
         changed since the last frame.
+
+        Args:
+            start: bodies at the begin of the frame.
+            gaps, last: gaps at its end and at that of the last frame.
+            nodes: indices of the nodes, shape (k,).
+            axes: the vectors at all nodes, shape (m, 3).
         """
-        far = 0.0
-        for own, way in self._moved(start, gaps, nodes):
-            nearer = gaps.gap[own] - last.gap[own] if way is None else along(way, gaps.normal[own])
-            far = max(far, float(np.abs(nearer).max()))
-        return far
+        ways = [
+            last.gap[own] - gaps.gap[own] if way is None else along(way, axes[own])
+            for own, way in self._moved(start, gaps, nodes)
+        ]
+        return np.concatenate(ways or [np.zeros(0)])
 
     def _moved(
         self, start: Sequence[ContactBody], gaps: NodeGaps, nodes: Indices

@@ -59,7 +59,7 @@ def test_what_is_softest_gives_back_its_stiffness_times_the_depth(skin, on):
     for i in range(12):
         step = solver.step([floor(skin, DEPTH * (i + 1) / 12, 0.0, stiffness)])
     depth = np.maximum(skin.positions[:, 2].min() + DEPTH - solver.points[:, 2], 0.0)
-    expected = stiffness * solver.areas * depth
+    expected = stiffness * solver.contact_points.areas * depth
     np.testing.assert_allclose(step.solution.force[:, 2], expected, atol=1e-3 * expected.max())
 
 

@@ -19,7 +19,7 @@ from .triangles import TriangleTable, column_crosses, column_dots
 EDGE = 0.5
 FLAT = 1e-4  # triangles whose normals differ by less are parts of one flat face [rad]
 ROUNDING = 1e-15  # of a coordinate, over the largest: normals of triangles so thin that it turns them more are not used
-MOST = 64  # neighbours before and after a triangle beyond the same triangles without area
+MOST = 8  # neighbours before and after a triangle beyond the same triangles without area
 ALONG = 0.1  # sine of the angle up to which an edge is along the line in which two planes meet
 ONCE = 2_000_000  # distances that are computed at once
 
@@ -52,7 +52,8 @@ def roundness(table: TriangleTable, topology: Topology) -> Roundness:
     middles = table.rows[:3] + (table.rows[3:6] + table.rows[6:9]) / 3.0
     triangle, edge, other, back, passed = _neighbours(table, topology)
     normals = np.ascontiguousarray(_normals(table, triangle, edge, other, areas).T)
-    kept = (radii[part[triangle]] > 0.0) & (~passed | _meet(table, normals, triangle, edge, other, back))
+    kept = radii[part[triangle]] > 0.0
+    kept[passed] &= _meet(table, normals, *(column[passed] for column in (triangle, edge, other, back)))
     triangle, edge, other, back = triangle[kept], edge[kept], other[kept], back[kept]
     own = normals[:, triangle]
     turn = np.arccos(np.clip(column_dots(own, normals[:, other]), -1.0, 1.0))
@@ -67,7 +68,8 @@ def roundness(table: TriangleTable, topology: Topology) -> Roundness:
     face = components(len(usable), triangle[~bent], other[~bent])  # index of each triangle's flat face
     bent &= curved
     here = np.full(across.shape, np.nan)
-    here[triangle[bent], edge[bent]] = _widths(table, normals.T, areas, face, triangle[bent], edge[bent])
+    sides = np.unique(3 * triangle[bent] + edge[bent])
+    here.reshape(-1)[sides] = _widths(table, normals.T, areas, face, sides // 3, sides % 3)
     triangle, edge, other, back, turn = (column[convex] for column in (triangle, edge, other, back, turn))
     apart = (here[triangle, edge] + here[other, back]) / 3.0  # of the faces' middles, across the edge
     np.minimum.at(radii, part[triangle], apart / turn)
@@ -80,7 +82,7 @@ def _neighbours(
     """Return pairs of triangles that have an area and may be neighbours, shape (n,) each.
 
     Triangles without area are passed: those that border on the same group of them may be neighbours, each with the
-    `MOST` before it and after it.
+    `MOST` before it and after it along the group.
 
     Returns:
         A triangle, its edge, the other one, that one's edge, and whether triangles without area were passed.
@@ -93,9 +95,10 @@ def _neighbours(
     beyond = across[flat, side]
     inner = ~usable[beyond]
     group = components(len(usable), flat[inner], beyond[inner])[flat[~inner]]
-    order = np.argsort(group, kind="stable")
-    group, flat, beyond = group[order], flat[~inner][order], beyond[~inner][order]
+    flat, beyond = flat[~inner], beyond[~inner]
     at = (across[beyond] == flat[:, None]).argmax(axis=1)
+    order = np.lexsort((_places(table, group, beyond, at), group))
+    group, beyond, at = group[order], beyond[order], at[order]
     for apart in range(1, MOST + 1):
         one = (group[apart:] == group[:-apart]).nonzero()[0]
         if not len(one):
@@ -106,6 +109,22 @@ def _neighbours(
     differ = triangle != other
     passed = np.arange(len(triangle)) >= len(pairs[0][0])
     return triangle[differ], edge[differ], other[differ], back[differ], passed[differ]
+
+
+def _places(table: TriangleTable, group: Indices, triangle: Indices, edge: Indices) -> Array:
+    """Return where edges are along the groups of triangles on which they border [m], shape (n,).
+
+    Triangles without area lie along one line, nearly always. The place is along the axis in which a group is longest.
+    """
+    a, ab, ac = (table.rows[k : k + 3, triangle] for k in (0, 3, 6))
+    middle = a + 0.5 * np.choose(edge, (ab, ab + ac, ac))
+    size = []
+    for column in middle:
+        low, high = np.full(int(group.max(initial=0)) + 1, np.inf), np.full(int(group.max(initial=0)) + 1, -np.inf)
+        np.minimum.at(low, group, column)
+        np.maximum.at(high, group, column)
+        size.append(high - low)
+    return np.asarray(np.choose(np.argmax(size, axis=0)[group], middle))
 
 
 def _meet(

@@ -146,7 +146,7 @@ class NodeGaps:
         Args:
             areas: area of skin of each node [m^2], shape (m,).
         """
-        return self.softness / areas
+        return self.softness / areas if self.softness.any() else np.zeros(len(self.softness))
 
 
 def paired(one: Sequence[ContactBody], other: Sequence[ContactBody]) -> Iterator[tuple[ContactBody, ContactBody]]:

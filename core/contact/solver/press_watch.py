@@ -18,13 +18,15 @@ from .bodies import TIE, ContactBody, NodeGaps, boxes_meet, moved, paired
 from .cone import along
 from .path_step import PathStep
 from .posed_records import corners_about
+from .solution import Solution
 
 # Loss of force that is tolerated while all bodies press deeper: as a share of the largest force, and as a force over
 # the skin's modulus [m^2]. The latter is 1 mN for skin of 100 kPa.
 LOST, LEAST = 0.02, 1e-8
 # Share of the normal force that may draw the skin outward. Such a force acts on faces that look away from the finger.
 # Their gap is not known, because points look at objects from places that are lifted into the finger. The limit is that
-# of a change of the force by a shift of a micrometre, see `INVARIANCE` in tests/stress/tolerances.py.
+# of a change of the force by a shift of a micrometre, see `INVARIANCE` in tests/stress/tolerances.py. Without friction
+# nothing holds skin at the widest place of an object, as on a rim or round a small ball, and every such force counts.
 HANGS = 0.01
 MODULUS = 1e5  # default Young's modulus, that of the preset fingers [Pa]
 
@@ -98,6 +100,11 @@ class PressWatch:
             return share, ()
         drawn = [i for group in _together(gaps.bodies) if float(push[group].sum()) < 0.0 for i in group]
         return share, tuple(sorted(drawn))
+
+
+def hangs(solution: Solution) -> float:
+    """Return the share of the normal force that may draw the skin outward; without friction, what may be an error."""
+    return HANGS if solution.friction.any() else solution.tolerance
 
 
 def _together(bodies: Sequence[ContactBody]) -> list[list[int]]:

@@ -25,7 +25,7 @@ from .near_surface import NearTriangles
 from .path_solver import PathSolver
 from .path_step import PathStep
 from .posed_records import corners_about
-from .press_watch import HANGS, MODULUS, PressWatch
+from .press_watch import MODULUS, PressWatch, hangs
 from .release_watch import ReleaseWatch
 
 # Largest normal movement in a part of a frame [m], and largest movement in any direction if the normals turn [m].
@@ -434,9 +434,10 @@ class SubStepper:
                 self._warn("slides-past", PAST + ANEW, LESS)
         for index in pulling:
             self._leave(index, "passed-through", PAST, LESS)
-        if share > HANGS and not pulling:
-            value, limit = f"{share:.1%} of the normal force", f"<= {HANGS:.0%}"
-            self._warn("hangs-behind", HANGING, HANGING_LESS, value=value, limit=limit)
+        limit = hangs(step.solution)
+        if share > limit and not pulling:
+            value, most = f"{1e2 * share:.2g}% of the normal force", f"<= {1e2 * limit:.2g}%"
+            self._warn("hangs-behind", HANGING, HANGING_LESS, value=value, limit=most)
         return self._last(self._felt(bodies)) if pulling else step
 
     def _anew(self, far: dict[int, float], bodies: list[ContactBody]) -> PathStep:

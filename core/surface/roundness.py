@@ -50,11 +50,11 @@ def roundness(table: TriangleTable, topology: Topology) -> Roundness:
     radii[part[usable & (topology.edge_kind == BOUNDARY).any(axis=1)]] = 0.0
     areas = _twice_areas(table)
     middles = table.rows[:3] + (table.rows[3:6] + table.rows[6:9]) / 3.0
-    triangle, edge, other, back, passed = _neighbours(table, topology)
-    normals = np.ascontiguousarray(_normals(table, triangle, edge, other, areas).T)
-    kept = radii[part[triangle]] > 0.0
-    kept[passed] &= _meet(table, normals, *(column[passed] for column in (triangle, edge, other, back)))
-    triangle, edge, other, back = triangle[kept], edge[kept], other[kept], back[kept]
+    pairs = _neighbours(table, topology)
+    normals = np.ascontiguousarray(_normals(table, pairs, areas).T)
+    kept = radii[part[pairs.triangle]] > 0.0
+    kept[pairs.direct :] &= _meet(table, normals, pairs.some(slice(pairs.direct, None)))
+    triangle, edge, other, back, _ = pairs.some(kept)
     own = normals[:, triangle]
     turn = np.arccos(np.clip(column_dots(own, normals[:, other]), -1.0, 1.0))
     below = column_dots(middles[:, other] - middles[:, triangle], own) < 0.0
@@ -76,16 +76,31 @@ def roundness(table: TriangleTable, topology: Topology) -> Roundness:
     return Roundness(radii, part)
 
 
-def _neighbours(
-    table: TriangleTable, topology: Topology
-) -> tuple[Indices, Indices, Indices, Indices, NDArray[np.bool_]]:
-    """Return pairs of triangles that have an area and may be neighbours, shape (n,) each.
+class _Pairs(NamedTuple):
+    """Pairs of triangles that have an area and may be neighbours; each pair comes twice, in both orders.
+
+    Attributes:
+        triangle, edge: a triangle and its edge, shape (n,) each.
+        other, back: the other triangle and its edge, shape (n,) each.
+        direct: number of pairs with a common edge, which come first. The others lie beyond triangles without area.
+    """
+
+    triangle: Indices
+    edge: Indices
+    other: Indices
+    back: Indices
+    direct: int
+
+    def some(self, which: slice | NDArray[np.bool_]) -> _Pairs:
+        """Return some of the pairs; `direct` is then not known, and 0."""
+        return _Pairs(self.triangle[which], self.edge[which], self.other[which], self.back[which], 0)
+
+
+def _neighbours(table: TriangleTable, topology: Topology) -> _Pairs:
+    """Return pairs of triangles that have an area and may be neighbours.
 
     Triangles without area are passed: those that border on the same group of them may be neighbours, each with the
     `MOST` before it and after it along the group.
-
-    Returns:
-        A triangle, its edge, the other one, that one's edge, and whether triangles without area were passed.
     """
     usable, across = table.usable, topology.across
     triangle, edge = ((across >= 0) & usable[:, None] & usable[across]).nonzero()
@@ -103,12 +118,11 @@ def _neighbours(
         one = (group[apart:] == group[:-apart]).nonzero()[0]
         if not len(one):
             break
+        one = one[beyond[one] != beyond[one + apart]]
         one, two = np.append(one, one + apart), np.append(one + apart, one)
         pairs.append((beyond[one], at[one], beyond[two], at[two]))
-    triangle, edge, other, back = (np.concatenate(column) for column in zip(*pairs, strict=True))
-    differ = triangle != other
-    passed = np.arange(len(triangle)) >= len(pairs[0][0])
-    return triangle[differ], edge[differ], other[differ], back[differ], passed[differ]
+    triangle, edge, others, back = (np.concatenate(column) for column in zip(*pairs, strict=True))
+    return _Pairs(triangle, edge, others, back, len(other))
 
 
 def _places(table: TriangleTable, group: Indices, triangle: Indices, edge: Indices) -> Array:
@@ -127,10 +141,9 @@ def _places(table: TriangleTable, group: Indices, triangle: Indices, edge: Indic
     return np.asarray(np.choose(np.argmax(size, axis=0)[group], middle))
 
 
-def _meet(
-    table: TriangleTable, normals: Array, one: Indices, edge: Indices, other: Indices, back: Indices
-) -> NDArray[np.bool_]:
+def _meet(table: TriangleTable, normals: Array, pairs: _Pairs) -> NDArray[np.bool_]:
     """Return whether the planes of two triangles are the same, or meet along an edge of each, shape (n,)."""
+    one, edge, other, back, _ = pairs
     a, b = table.rows[3:6], table.rows[6:9]
     sides = np.stack([a, b - a, -b])
     line = column_crosses(normals[:, one], normals[:, other])
@@ -150,12 +163,12 @@ def _twice_areas(table: TriangleTable) -> Array:
     return np.sqrt(column_dots(normal, normal))
 
 
-def _normals(table: TriangleTable, triangle: Indices, edge: Indices, other: Indices, area: Array) -> Array:
+def _normals(table: TriangleTable, pairs: _Pairs, area: Array) -> Array:
     """Return unit normals, shape (T, 3): those of the thinnest triangles are taken from beyond their longest sides.
 
     Args:
         table: triangles of the surface.
-        triangle, edge, other: neighbours, see `_neighbours`, shape (n,) each.
+        pairs: their neighbours.
         area: twice the area of each triangle [m^2], shape (T,).
     """
     normals, lengths = table.bounds[3:6].T, np.sqrt(np.maximum(table.rows[[9, 11, 10]].T, 0.0))
@@ -163,9 +176,9 @@ def _normals(table: TriangleTable, triangle: Indices, edge: Indices, other: Indi
     left = table.usable & (area * FLAT < ROUNDING * size * lengths.max(axis=1))
     if not left.any():
         return normals
-    normals, thin = normals.copy(), left[triangle]
-    triangle, other, length = triangle[thin], other[thin], lengths[triangle[thin], edge[thin]]
-    order = np.lexsort((-length, triangle))
+    normals = normals.copy()
+    triangle, edge, other, _, _ = pairs.some(left[pairs.triangle])
+    order = np.lexsort((-lengths[triangle, edge], triangle))
     triangle, other = triangle[order], other[order]
     while len(found := (left[triangle] & ~left[other]).nonzero()[0]):
         found = found[np.unique(triangle[found], return_index=True)[1]]

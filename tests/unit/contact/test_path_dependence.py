@@ -106,7 +106,7 @@ def test_skin_on_a_fold_is_led_off_it_and_the_frame_says_so(monkeypatch: pytest.
     path, pad = solver_on(skin), smooth_pad(skin)
     assert pad is not None
     bent = NodalForces(skin.mesh, pad.chart)
-    monkeypatch.setattr(path, "_spread", bent)
+    monkeypatch.setattr(path.contact_points, "_nodes", bent)
     assert path.law is not None
     told = 0
     for i in range(40):

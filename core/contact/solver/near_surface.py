@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from ...arrays import Array, Indices
 from ...surface.gap import Surface
+from ...surface.roundness import Roundness
 from ...surface.topology import Topology
 from ...surface.triangle_tree import TriangleTree
 from ...surface.triangles import TriangleTable
@@ -49,6 +51,7 @@ class NearSurface(Surface):
 
     def __init__(self, near: NearTriangles, share: float) -> None:
         start, end = near.start, near.end
+        self._end = end
         self.vertices = (1.0 - share) * start.vertices + share * end.vertices
         self.triangles, self.topology = end.triangles, near.topology
         some = TriangleTable.build(self.vertices, self.triangles[near.chosen])
@@ -68,6 +71,11 @@ class NearSurface(Surface):
         self.volume, self.tangled = end.volume, start.tangled or end.tangled
         near_ones = (own[usable[own]] for own in end.solids or start.solids)
         self.solids = tuple(own for own in near_ones if own.size)
+
+    @cached_property
+    def roundness(self) -> Roundness:
+        """That of the second shape: triangles that are far away are missing here, and their edges with them."""
+        return self._end.roundness
 
     def _rays(self, tree: TriangleTree) -> TriangleTree | None:
         """Return a tree of all triangles if rays must determine sides; the near ones are not a closed surface."""

@@ -69,3 +69,19 @@ def test_a_finger_pressed_by_it_feels_what_the_whole_surface_gives(skin, monkeyp
     everything = pressed()
     assert everything[:, 2].sum() > 0.1
     np.testing.assert_allclose(some, everything, atol=1e-6 * np.abs(everything).max())
+
+
+def test_a_surface_that_is_read_anew_in_the_same_shape_is_felt_as_before(skin):
+    """Between two samples only a part of the ball is known; its roundness is that of the whole ball."""
+
+    def pressed(anew):
+        steps = SubStepper(PathSolver(Nodes.of(skin.positions, skin.normals, skin.areas, skin.compliance)), 0.006)
+        ball = Surface.sphere(8e-3, 1280)
+        for k in range(4):
+            surface = Surface.build(ball.vertices, ball.triangles) if anew and k == 3 else ball
+            place = np.array([0.4e-3 * k, 0.0, skin.positions[:, 2].min() + 0.3e-3 * k])
+            step = steps.step([ContactBody(surface, translation=place, friction=0.6)])
+        assert steps.solver.counters["parts"] >= 4
+        return step.solution.force
+
+    np.testing.assert_allclose(pressed(True), pressed(False), atol=1e-12)

@@ -19,8 +19,10 @@ from .triangles import TriangleTable, column_crosses, column_dots
 EDGE = 0.5
 FLAT = 1e-4  # triangles whose normals differ by less are parts of one flat face [rad]
 ROUNDING = 1e-15  # of a coordinate, over the largest: normals of triangles so thin that it turns them more are not used
-MOST = 8  # neighbours before and after a triangle beyond the same triangles without area
-ALONG = 0.1  # sine of the angle up to which an edge is along the line in which two planes meet
+# MOST: neighbours before and after a triangle beyond the same ones without area. With more, long rows take longer.
+# ALONG: sine of the angle up to which an edge is along the line in which two planes meet. Sides of a triangle without
+# area are parallel but for rounding.
+MOST, ALONG = 8, 0.1
 ONCE = 2_000_000  # distances that are computed at once
 
 

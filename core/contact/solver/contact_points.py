@@ -82,7 +82,7 @@ class ContactPoints(Protocol):
 
     @property
     def pad(self) -> Array:
-        """Points of the undeformed skin that tell where anything first touches [m], shape (p, 3)."""
+        """Points of the undeformed skin at which a first touch is looked for [m], shape (p, 3)."""
 
     @property
     def places(self) -> Array:

@@ -83,18 +83,18 @@ class Nodes:
         first /= np.sqrt(np.einsum("ij,ij->i", first, first))[:, None]
         width = float(np.median(widths))
         return cls(
-            points,
-            np.ascontiguousarray(inward),
-            SPREAD * widths[:, None, None] * np.stack([first, np.cross(inward, first)], axis=1),
-            widths * widths if areas is None else np.ascontiguousarray(areas, dtype=np.float64),
-            width,
-            min(LIFT * width, float(np.median(far)) / RATIO),  # the upper look is in the finger
-            exact,
-            exact.astype(np.float32),  # memory limits the speed of sweeps, and 1e-7 is enough
-            own_compliance(exact),
-            max(2.5 * apart, 2.5e-3),  # skin bulges by no more than an object is pressed in
-            np.arange(m),
-            np.zeros(m),
+            positions=points,
+            inward=np.ascontiguousarray(inward),
+            spread=SPREAD * widths[:, None, None] * np.stack([first, np.cross(inward, first)], axis=1),
+            areas=widths * widths if areas is None else np.ascontiguousarray(areas, dtype=np.float64),
+            width=width,
+            lift=min(LIFT * width, float(np.median(far)) / RATIO),  # the upper look is in the finger
+            exact=exact,
+            compliance=exact.astype(np.float32),  # memory limits the speed of sweeps, and 1e-7 is enough
+            own=own_compliance(exact),
+            reach=max(2.5 * apart, 2.5e-3),  # skin bulges by no more than an object is pressed in
+            cells=np.arange(m),
+            sizes=np.zeros(m),
         )
 
     @property

@@ -1,11 +1,11 @@
 """Contact along a path, frame after frame, with friction's history. Frames in which nothing changes are not solved.
 
 If bodies have moved, the points at which contact is solved are changed (see `ContactPoints`). A frame is then solved in
-four steps. The gaps are measured. The anchors give the offset b, which is shifted where the
-direction of slip turns (`frame_friction.py`). The forces of the last two frames are extrapolated. From these forces,
-compiled sweeps go from node to node until Coulomb's law holds, while the gaps follow (`smooth_contact.py`). For
-neo-Hookean tissue, contact is solved on linear skin, displaced by the law's correction; then the correction is renewed,
-until the two agree (`law_frame.py`).
+four steps. The gaps are measured. The anchors give the offset b, which is shifted where the direction of slip turns
+(`frame_friction.py`). The forces of the last two frames are extrapolated. From these forces, compiled sweeps go from
+point to point until Coulomb's law holds, while the gaps follow (`smooth_contact.py`). For neo-Hookean tissue, contact
+is solved on linear skin, displaced by the law's correction; then the correction is renewed, until the two agree
+(`law_frame.py`).
 """
 
 from __future__ import annotations
